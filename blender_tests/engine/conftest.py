@@ -37,27 +37,25 @@ def device(request) -> Iterator:
     """The torch.device that `--device` names; every test that makes tensors makes them there."""
     torch = pytest.importorskip("torch")
     name = request.config.getoption("device")
-    if name != "pretend":
-        yield torch.device(name)
-        return
-    from blender_tests.engine.pretend_device import pretend_device
+    if name == "pretend":
+        from blender_tests.engine.pretend_device import pretend_device
 
-    with pretend_device() as pretended:
-        yield pretended
+        with pretend_device() as pretended:
+            yield pretended
+    else:
+        yield torch.device(name)
 
 
 OUTCOMES = {}  # of this session's tests: name -> outcome, seconds, and what was raised
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Note what came of a test; set-up and tear-down count where they fail."""
     if report.when == "call" or report.outcome != "passed":
         raised = report.longreprtext.splitlines()[-1:] if report.failed else []
         OUTCOMES[report.nodeid] = {"outcome": report.outcome, "seconds": round(report.duration, 3), "raised": raised}
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Write the report that `--device-report` asks for."""
     path = session.config.getoption("device_report")
     if path is None:
         return
@@ -121,11 +119,11 @@ def odd_folder(parent: Path) -> Path:
 
 @dataclass(frozen=True)
 class StillLife:
-    """A tiny capture on disk with rough masks of its ball and block; photos: the truth by split/stem."""
+    """A tiny capture on disk with rough masks of its ball and block."""
 
     capture: Path
     masks: Path
-    photos: dict
+    photos: dict  # the truth by split/stem
 
     def command(self, project: Path, *more: str) -> list[str]:
         """Arguments that learn everything of it, quickly."""

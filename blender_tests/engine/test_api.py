@@ -32,13 +32,9 @@ def model(learned):
     return karf.load(learned.project, device="cpu")
 
 
-def test_every_name_of_the_door_is_there_and_documented():
+def test_every_name_of_the_door_is_documented_and_the_door_opens_without_torch():
     assert set(karf.__all__) == set(karf._HOME) | {"__version__"}
-    for name in karf._HOME:
-        assert getattr(karf, name).__doc__ or name == "PRESETS", name
-
-
-def test_the_door_opens_without_torch():
+    assert [name for name in karf._HOME if not getattr(karf, name).__doc__] in ([], ["PRESETS"])
     used = "karf.open_capture; karf.learn; karf.read_edit"
     code = f"import sys, karf_engine as karf; {used}; assert 'torch' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
@@ -71,7 +67,7 @@ def test_torch_is_left_as_the_caller_had_it(learned, tmp_path):
     torch.set_num_threads(1)
 
 
-def test_ctrl_c_saves_what_is_learned_so_far(still_life, tmp_path):
+def test_ctrl_c_saves_what_is_learned_so_far_and_a_caller_can_stop(still_life, tmp_path):
     project = tmp_path / "project"
 
     def interrupt(kind, **values):
@@ -82,22 +78,20 @@ def test_ctrl_c_saves_what_is_learned_so_far(still_life, tmp_path):
         karf.learn_geometry(still_life.capture, project=project, **LEARNING, emit=interrupt)
     assert (project / "unfinished_geometry.safetensors").exists()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with pytest.raises(Cancelled):
+        karf.learn_geometry(still_life.capture, project=project, **LEARNING, should_stop=lambda: True)
 
 
-def test_a_frame_is_arrays(model):
-    camera = model.capture.views[0].camera
-    frame = model.render(camera)
+def test_a_frame_is_arrays_as_the_command_line_writes_them(model, learned, tmp_path):
+    view = model.capture.split("test")[0]
+    frame = model.render(view.camera)
     n_objects, n_colors = model.learned_colors.shape[:2]
-    shape = camera.height, camera.width
+    shape = view.camera.height, view.camera.width
     assert frame.color.shape == (*shape, 3) and frame.depth.shape == frame.opacity.shape == shape
     assert frame.masks.shape == frame.probabilities.shape == (n_objects, *shape) and frame.masks.dtype == bool
     assert frame.palette_weights.shape == (n_objects, n_colors, *shape)
     assert frame.color.min() >= 0 and frame.color.max() <= 1
-
-
-def test_the_model_renders_what_the_command_line_writes(model, learned, tmp_path):
     karf.render(learned.project, tmp_path, views="test", threads=1, device="cpu", depth=True)
-    view = model.capture.split("test")[0]
     depth = np.load(tmp_path / "depth" / f"{view.name}.npy")
     np.testing.assert_array_equal(model.render_view(view).depth, depth)
 
@@ -107,11 +101,10 @@ def test_an_edit_is_a_value_that_is_saved_and_read_back(model, tmp_path):
     edit = plain.swatch("block", 1, "#2060a0").swatch("ball", 1, (0.1, 1.5, 0.2))
     np.testing.assert_array_equal(plain.colors["block"], model.edit().colors["block"])
     edit.save(tmp_path / "edit.json")
-    again = karf.read_edit(tmp_path / "edit.json", model.palettes)
-    assert again.colors.keys() == edit.colors.keys()
-    for name in edit.colors:
-        np.testing.assert_array_equal(again.colors[name], edit.colors[name])
-        np.testing.assert_array_equal(model.edit(tmp_path / "edit.json").colors[name], edit.colors[name])
+    for again in (karf.read_edit(tmp_path / "edit.json", model.palettes), model.edit(tmp_path / "edit.json")):
+        assert again.colors.keys() == edit.colors.keys()
+        for name in edit.colors:
+            np.testing.assert_array_equal(again.colors[name], edit.colors[name])
 
 
 @pytest.mark.parametrize(
@@ -132,48 +125,38 @@ def test_an_impossible_edit_is_refused(model, change, words):
 
 
 def test_an_edit_in_memory_is_written_as_its_file_is(model, learned, tmp_path):
+    pytest.importorskip("numba")
     edit = model.edit().swatch("block", 1, "#2060a0").edge("block", 1.5)
     edit.save(tmp_path / "edit.json")
     view = model.capture.split("test")[0].name
-    for folder, given in (("file", tmp_path / "edit.json"), ("memory", edit), ("memories", [edit])):
-        karf.render(learned.project, tmp_path / folder, views=view, edit=given, threads=1, device="cpu")
+    given = {"file": tmp_path / "edit.json", "memory": edit, "memories": [edit]}
+    for folder, value in given.items():
+        karf.render(learned.project, tmp_path / folder, views=view, edit=value, threads=1, device="cpu")
     written = [path.relative_to(tmp_path / "file") for path in (tmp_path / "file").rglob("*.png")]
     assert any(path.parts[0] == "recolor" for path in written)
     for path in written:
-        one, *others = ((tmp_path / folder / path).read_bytes() for folder in ("file", "memory", "memories"))
-        assert others == [one, one], path
-
-
-def test_a_splat_of_an_edit_in_memory_is_that_of_its_file(model, learned, tmp_path):
-    pytest.importorskip("numba")
-    edit = model.edit().swatch("block", 1, "#2060a0")
-    edit.save(tmp_path / "edit.json")
-    for name, given in (("file", tmp_path / "edit.json"), ("memory", edit)):
-        karf.export_splat(learned.project, tmp_path / f"{name}.ply", edit=given, threads=1, device="cpu")
+        assert len({(tmp_path / folder / path).read_bytes() for folder in given}) == 1, path
+    for name in ("file", "memory"):
+        karf.export_splat(learned.project, tmp_path / f"{name}.ply", edit=given[name], threads=1, device="cpu")
     assert (tmp_path / "file.ply").read_bytes() == (tmp_path / "memory.ply").read_bytes()
 
 
-def options_given(monkeypatch, **options):
-    """The options that the command gets."""
-    command = Mock()
-    monkeypatch.setattr("karf_engine.api.run_command", command)
-    karf.learn_geometry("garden", project="garden_karf", **options)
-    return command.call_args.args[0]
+def test_settings_may_be_a_dictionary_and_a_device_one_of_torch(monkeypatch, learned):
+    import torch
 
+    def options_given(**options):
+        command = Mock()
+        monkeypatch.setattr("karf_engine.api.run_command", command)
+        karf.learn_geometry("garden", project="garden_karf", **options)
+        return command.call_args.args[0]
 
-def test_settings_may_be_a_dictionary(monkeypatch):
     geometry = {"space": "box", "levels": [{"voxels": 40}]}
     settings = {"geometry.long_side": 512, "geometry": geometry, "seed": np.int64(3)}
     words = ("geometry.long_side=512", 'geometry.space="box"', 'geometry.levels=[{"voxels": 40}]', "seed=3")
-    assert options_given(monkeypatch, overrides=settings).overrides == words
+    assert options_given(overrides=settings).overrides == words
     with pytest.raises(TypeError, match="overrides takes"):
-        options_given(monkeypatch, overrides={"seed": object()})
-
-
-def test_a_device_may_be_one_of_torch(monkeypatch, learned):
-    import torch
-
-    assert options_given(monkeypatch, device=torch.device("cuda", 1)).device == "cuda:1"
+        options_given(overrides={"seed": object()})
+    assert options_given(device=torch.device("cuda", 1)).device == "cuda:1"
     assert karf.load(learned.project, device=torch.device("cpu")).device == torch.device("cpu")
 
 
@@ -197,11 +180,6 @@ def test_rendering_reads_nothing_of_the_project_again(learned, tmp_path):
     assert model.recolor(view, edit).shape == (view.camera.height, view.camera.width, 3)
     assert model.capture.split("test")[0] is view
     assert not copy.exists()
-
-
-def test_learning_can_be_stopped(still_life, tmp_path):
-    with pytest.raises(Cancelled):
-        karf.learn_geometry(still_life.capture, project=tmp_path / "project", overrides=QUICK, should_stop=lambda: True)
 
 
 @pytest.mark.parametrize(

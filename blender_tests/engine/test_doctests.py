@@ -2,21 +2,19 @@
 
 import doctest
 import importlib
-from pathlib import Path
 
 import pytest
+
+from blender_tests.engine.conftest import ROOT
 
 pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-import karf_engine
-
-PACKAGE = Path(karf_engine.__file__).parent
-WITH_EXAMPLES = [path for path in sorted(PACKAGE.rglob("*.py")) if ">>> " in path.read_text(encoding="utf-8")]
+FILES = [path for path in sorted((ROOT / "karf_engine").rglob("*.py")) if ">>> " in path.read_text(encoding="utf-8")]
+MODULES = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FILES]
 
 
-@pytest.mark.parametrize("path", WITH_EXAMPLES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
-def test_examples_give_what_they_print(path):
-    name = ".".join(["karf_engine", *path.relative_to(PACKAGE).with_suffix("").parts])
+@pytest.mark.parametrize("name", MODULES)
+def test_examples_give_what_they_print(name):
     results = doctest.testmod(importlib.import_module(name), optionflags=doctest.NORMALIZE_WHITESPACE)
     assert results.attempted and not results.failed

@@ -14,13 +14,6 @@ from karf_engine.project import Project
 pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-
-def snippet() -> str:
-    """The Python block of README.md's library section."""
-    section = (ROOT / "README.md").read_text(encoding="utf-8").partition("## The library\n")[2]
-    return section.partition("```python\n")[2].partition("```")[0]
-
-
 CHECKS = """
 assert "site-packages" in karf.__file__
 assert picture[frame.masks[model.objects.index("pot")]].mean(0).argmax() == 2, "the pot is not blue"
@@ -28,20 +21,19 @@ assert picture[frame.masks[model.objects.index("pot")]].mean(0).argmax() == 2, "
 
 
 def test_the_snippet_runs_as_printed(wheel, tmp_path):
-    home = tmp_path / "home"
+    section = (ROOT / "README.md").read_text(encoding="utf-8").partition("## The library\n")[2]
+    snippet = section.partition("```python\n")[2].partition("```")[0]
+    home, work = tmp_path / "home", tmp_path / "work"
     venv.create(home, with_pip=False, symlinks=True)
     place = Path(sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)}))
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(place), str(wheel)]
     subprocess.run(install, check=True)
     # torch and the rest come from this environment, which has no karf_engine of its own
     (place / "packages.pth").write_text(sysconfig.get_path("purelib"))
-    work = tmp_path / "work"
     work.mkdir()
     (work / "demo").symlink_to(ROOT / "demo")
-    done = subprocess.run(
-        [str(home / "bin" / "python"), "-c", snippet() + CHECKS],
-        cwd=work, capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+    command = [str(home / "bin" / "python"), "-c", snippet + CHECKS]
+    done = subprocess.run(command, cwd=work, capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1].startswith("(256, 256, 3)")
     assert (work / "blue_pot.json").exists() and Project(work / "demo_karf").finished("recoloring")

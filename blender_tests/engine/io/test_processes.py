@@ -22,6 +22,7 @@ from karf_engine.io.limited import run_limited
 from karf_engine.io.locks import acquire
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere memory has no limit, and /proc is not there")
+HERE = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from {__name__} import *; path = Path(sys.argv[1]); "
 
 
 # works of the child
@@ -62,12 +63,9 @@ def file(tmp_path):
     return path
 
 
-def test_arrays_come_back_in_the_order_of_their_names(file):
+def test_arrays_come_back_in_the_order_of_their_names_and_a_refusal_as_it_is(file):
     two, one = run_limited(two_arrays, file, ("two", "one"))
     assert str(two) == "content" and one.tolist() == [0, 1, 2]
-
-
-def test_a_refusal_stays_as_it_is(file):
     with pytest.raises(MissingDependency) as caught:
         run_limited(refusing, file, ("one",))
     assert caught.value.hint.key == missing_extra("gsply", "splats").hint.key
@@ -91,60 +89,50 @@ def test_whatever_ends_the_child_is_a_sentence_about_the_file(work, words, file,
     assert str(file) in caught.value.sentence
 
 
+def wait_until(is_so, seconds=60):
+    until = time.monotonic() + seconds
+    while not is_so() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert is_so()
+
+
 @LINUX
 def test_the_child_ends_with_its_parent(file):
-    code = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from pathlib import Path; from {__name__} import *; "
-    parent = subprocess.Popen([sys.executable, "-c", code + "run_limited(idle, Path(sys.argv[1]), ())", file])
+    parent = subprocess.Popen([sys.executable, "-c", HERE + "run_limited(idle, path, ())", file])
     pid = file.with_name("pid")
-    while not (pid.exists() and pid.read_text()):
-        time.sleep(0.05)
+    wait_until(lambda: pid.exists() and pid.read_text())
     parent.kill()
     parent.wait()
-    until = time.monotonic() + 5
-    while Path("/proc", pid.read_text()).exists() and time.monotonic() < until:
-        time.sleep(0.05)
-    assert not Path("/proc", pid.read_text()).exists()
+    wait_until(lambda: not Path("/proc", pid.read_text()).exists(), 5)
 
 
-HOLD = """
-import errno, sys
-sys.path.insert(0, sys.argv[1])
-from pathlib import Path
-from blender_tests.engine.io.test_processes import refuse_locks
-from karf_engine.io import locks
-locks.FileLock.acquire = refuse_locks(errno.ENOLCK)
-locks.LEASE_SECONDS = 1.0
-lock = locks.acquire(Path(sys.argv[2]))
-print("held", flush=True)
-sys.stdin.read()
-"""
+def without_locks(number, patch=setattr):
+    """Make a file system that gives this error, and leases that end soon."""
 
-
-def refuse_locks(number):
-    def acquire(*_, **__):
+    def refuse(*_, **__):
         raise OSError(number, "no locks")
 
-    return acquire
-
-
-@pytest.fixture
-def without_locks(monkeypatch):
-    """A file system that gives this error, and leases that end soon."""
-    monkeypatch.setattr(locks, "LEASE_SECONDS", 1.0)
-    return lambda number: monkeypatch.setattr(locks.FileLock, "acquire", refuse_locks(number))
+    patch(locks.FileLock, "acquire", refuse)
+    patch(locks, "LEASE_SECONDS", 1.0)
 
 
 @pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS])
-def test_where_there_are_no_locks_a_lease_is_taken(without_locks, number, tmp_path):
-    without_locks(number)
-    lock = acquire(tmp_path / "lock")
-    assert isinstance(lock, SoftFileLease)
-    lock.release()
+def test_where_there_are_no_locks_a_lease_is_taken_which_ends_in_a_copy(number, tmp_path, monkeypatch):
+    without_locks(number, monkeypatch.setattr)
+    held = acquire(tmp_path / "lock")
+    assert isinstance(held, SoftFileLease)
+    (tmp_path / "copy").mkdir()
+    shutil.copy(tmp_path / "lock.lease", tmp_path / "copy" / "lock.lease")
+    start = time.monotonic()
+    acquire(tmp_path / "copy" / "lock").release()
+    held.release()
+    assert time.monotonic() - start < 10
 
 
-def test_a_lease_keeps_another_process_out_for_as_long_as_it_runs(without_locks, tmp_path):
-    without_locks(errno.ENOLCK)
-    command = [sys.executable, "-c", HOLD, str(ROOT), str(tmp_path / "lock")]
+def test_a_lease_keeps_another_process_out_for_as_long_as_it_runs(tmp_path, monkeypatch):
+    without_locks(errno.ENOLCK, monkeypatch.setattr)
+    hold = "without_locks(errno.ENOLCK); lock = acquire(path); print('held', flush=True); input()"
+    command = [sys.executable, "-c", HERE + hold, str(tmp_path / "lock")]
     child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert child.stdout.readline() == "held\n"
     with pytest.raises(Timeout):
@@ -154,18 +142,7 @@ def test_a_lease_keeps_another_process_out_for_as_long_as_it_runs(without_locks,
     acquire(tmp_path / "lock").release()
 
 
-def test_a_lease_that_came_with_a_copy_of_the_project_ends(without_locks, tmp_path):
-    without_locks(errno.ENOLCK)
-    held = acquire(tmp_path / "lock")
-    (tmp_path / "copy").mkdir()
-    shutil.copy(tmp_path / "lock.lease", tmp_path / "copy" / "lock.lease")
-    start = time.monotonic()
-    acquire(tmp_path / "copy" / "lock").release()
-    held.release()
-    assert time.monotonic() - start < 10
-
-
-def test_other_errors_are_no_reason_for_a_lease(without_locks, tmp_path):
-    without_locks(errno.EACCES)
+def test_other_errors_are_no_reason_for_a_lease(tmp_path, monkeypatch):
+    without_locks(errno.EACCES, monkeypatch.setattr)
     with pytest.raises(PermissionError):
         acquire(tmp_path / "lock")

@@ -1,12 +1,21 @@
-"""README.md and the pages under docs/ name what exists: files, links, pictures, code, controls, messages, settings."""
+"""Pages name what exists: files, links, code, controls, messages, settings; stub and reference are what the code says."""
 
 import ast
+import inspect
 import re
+import subprocess
+import sys
 
 import pytest
 
 from blender_tests.engine.conftest import ROOT
 from blender_tests.engine.test_layering import FLOORS
+
+pytest.importorskip("numpy")
+
+from karf_engine.io.options import flag_of
+from karf_engine.project.settings import describe
+from tools import reference
 
 DOCS = ROOT / "docs"
 FILES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("tasks/*.md"))]
@@ -114,8 +123,6 @@ def test_members_of_classes_that_a_page_names_exist():
 
 
 def test_settings_that_a_page_names_exist():
-    from karf_engine.project.settings import describe
-
     known = {name for name, _, _ in describe()}
     stages = "geometry|segmentation|palette|recoloring|splats|render"
     named = {name for text in PAGES.values() for name in re.findall(rf"`(?:--set )?((?:{stages})\.[a-z_.]+)[=`]", text)}
@@ -132,8 +139,6 @@ def test_controls_that_a_page_names_are_those_of_the_panels():
 
 
 def test_commands_that_a_page_shows_have_their_options():
-    from tools import reference
-
     helps = dict(re.findall(r"^## ([a-z-]+)\n```text\n(.*?)```", reference.command_line(), re.MULTILINE | re.DOTALL))
     command = re.compile(r"(?:^|`)(?:karf|python -m karf_engine) ([a-z-]+)([^`\n]*)", re.MULTILINE)
     shown = command.findall("\n".join(PAGES.values()))
@@ -161,3 +166,35 @@ def test_the_drawing_of_the_engine_shows_its_floors_from_the_top():
     rooms = drawn[: len(height)]
     assert sorted(rooms) == sorted(height)
     assert [height[room] for room in rooms] == sorted(height.values(), reverse=True)
+
+
+def test_the_stub_is_up_to_date_and_types_every_keyword_of_every_function():
+    # in a process of its own: here other tests may have registered kinds of fields, heads and layers
+    done = subprocess.run([sys.executable, "-m", "tools.reference", "--check"], cwd=ROOT)
+    assert done.returncode == 0, "run python -m tools.reference"
+    stubs = {node.name: node.args for node in ast.parse(reference.stub()).body if isinstance(node, ast.FunctionDef)}
+    assert set(stubs) == set(reference.karf_engine._DEFINES["api"])
+    for name, arguments in stubs.items():
+        given = [*arguments.args, *arguments.kwonlyargs]
+        assert [each.arg for each in given] == list(inspect.signature(getattr(reference.api, name)).parameters), name
+        assert all(each.annotation for each in given) and arguments.kwarg is None, name
+
+
+@pytest.mark.parametrize("kind", reference.COMMANDS.values(), ids=list(reference.COMMANDS))
+def test_the_site_has_every_command_with_every_option(kind):
+    section = reference.command_line().split(f"## {kind.command}\n")[1].split("\n## ")[0]
+    fields = [item for item in reference.fields_in_help_order(kind) if not item.metadata["positional"]]
+    assert [flag for flag in map(flag_of, fields) if flag and flag not in section] == []
+
+
+def test_the_site_has_every_public_name_and_each_has_an_example():
+    names = re.findall(r"^### (\w+)$", reference.library(), re.MULTILINE)
+    assert sorted(names) == sorted(set(reference.karf_engine.__all__) - {"__version__"})
+    documented = {name: inspect.getdoc(getattr(reference.karf_engine, name)) for name in names}
+    assert [name for name, text in documented.items() if "Example" not in text] == ["PRESETS"]
+
+
+def test_the_written_page_lists_every_verb():
+    assert re.findall(r"^    ([a-z-]+)(?: |$)", reference._printed("--help"), re.MULTILINE) == [*reference.VERBS]
+    rows = re.findall(r"^\| (`.*?`) \|", PAGES["docs/command_line.md"], re.MULTILINE)
+    assert sorted(re.findall(r"`([\w-]+)`", "".join(rows))) == sorted(reference.VERBS)
