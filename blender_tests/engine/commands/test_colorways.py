@@ -7,9 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 import karf_engine as karf
 from blender_tests.engine.commands.conftest import cameras_file
 from karf_engine.cli import main

@@ -5,9 +5,7 @@ import os
 import shutil
 
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from blender_tests.engine.commands.conftest import Events, geometry_command
 from blender_tests.engine.conftest import QUICK

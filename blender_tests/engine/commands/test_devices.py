@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
 PRETEND = "blender_tests.engine.pretend_device"
 pytest.importorskip(PRETEND, reason="this torch has no device made of Python alone", exc_type=ImportError)
 

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
 pytest.importorskip("numba")
 
 import karf_engine as karf

@@ -5,9 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from blender_tests.engine.commands.conftest import run
 from blender_tests.engine.reference.still_life import camera_at

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 pytest.importorskip("pycolmap")
-pytest.importorskip("cv2")
 
 import cv2
 from PIL import Image

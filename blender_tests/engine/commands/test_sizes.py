@@ -6,9 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-
-torch = pytest.importorskip("torch")
-Image = pytest.importorskip("PIL.Image")
+from PIL import Image
 
 import karf_engine as karf
 from blender_tests.engine.commands.conftest import cameras_file, geometry_command

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
+import OpenEXR
 import pytest
-
-torch = pytest.importorskip("torch")
-maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
-OpenEXR = pytest.importorskip("OpenEXR")
+import torch
+from scipy.ndimage import maximum_filter
 
 import karf_engine
 from blender_tests.engine.commands.conftest import cameras_file, run

@@ -4,9 +4,7 @@ import os
 from contextlib import suppress
 
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from blender_tests.engine.conftest import run_engine
 from karf_engine.commands import geometry

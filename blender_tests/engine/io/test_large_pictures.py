@@ -7,13 +7,10 @@ import tracemalloc
 import zlib
 from itertools import product
 
+import cv2
 import numpy as np
+import OpenEXR
 import pytest
-
-pytest.importorskip("imageio")
-pytest.importorskip("scipy")
-cv2 = pytest.importorskip("cv2")
-OpenEXR = pytest.importorskip("OpenEXR")
 from PIL import Image
 
 from blender_tests.engine.peak import peak_of

@@ -10,9 +10,6 @@ import pytest
 
 from blender_tests.engine.conftest import ROOT
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 EXAMPLES = ("fields/example_field.py", "heads/example_head.py", "capture/example_format.py")
 CHOSEN = ("geometry.field=balls", "segmentation.head=fourier", "segmentation.labels=exact", "recoloring.layer=linear")
 LOAD = "import karf_engine as karf; model = karf.load('project', device='cpu'); "

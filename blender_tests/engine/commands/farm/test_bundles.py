@@ -7,9 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 import karf_engine as karf
 from blender_tests.engine.commands.conftest import geometry_command
 from blender_tests.engine.commands.farm.sequences import write_sequence
