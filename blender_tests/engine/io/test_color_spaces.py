@@ -95,13 +95,13 @@ def test_photos_are_seen_as_srgb_by_training_and_at_full_size(tmp_path):
 
 
 def test_light_of_an_exr_is_converted_before_its_alpha_is_put_back(tmp_path):
-    space, path = color_space("ACEScg"), tmp_path / "a.exr"
+    space = color_space("ACEScg")
     colors, alpha = np.random.default_rng(2).uniform(0.1, 0.8, (32, 32, 3)), np.full((32, 32, 1), 0.5)
     light = np.dstack([space.from_srgb(colors) * alpha, alpha]).astype(np.float32)
-    OpenEXR.File({}, {"RGBA": light}).write(str(path))
-    view = View("a", "a", camera_at(0.3, 0.5), path, "train", space=space)
-    assert_allclose(read_photo_of_view(view)[..., :3], colors, atol=1e-5)
-    photo = open_photo(path, space).copy()
+    OpenEXR.File({}, {"RGBA": light}).write(str(tmp_path / "a.exr"))
+    _, view = photo_in(tmp_path / "a.png", space)
+    assert_allclose(read_photo_of_view(replace(view, image=tmp_path / "a.exr"))[..., :3], colors, atol=1e-5)
+    photo = open_photo(tmp_path / "a.exr", space).copy()
     photo.change(slice(None), slice(None), np.full((32, 32, 3), 0.1, np.float32))
     assert_allclose(photo.colors(), colors + 0.1, atol=1e-5)
 
@@ -166,16 +166,15 @@ def test_a_configuration_is_found_by_its_path_or_the_environment(config, monkeyp
     assert color_space("studio") == ColorSpace("studio", str(config))
 
 
+WITHOUT_ROLE = CONFIG.replace("  aces_interchange: plain\n", "")
+
+
 @pytest.mark.parametrize(
     ("content", "error", "words"),
     [
         ("colorspaces: 3", DataError, r"config\.ocio cannot be read"),
         ("ocio_profile_version: 99", DataError, r"config\.ocio cannot be read"),
-        (
-            CONFIG.replace("  aces_interchange: plain\n", ""),
-            BadRequest,
-            r"'studio' of the color configuration .* no way to sRGB.*interchange roles",
-        ),
+        (WITHOUT_ROLE, BadRequest, r"'studio' of the color configuration .* no way to sRGB.*interchange roles"),
     ],
 )
 def test_a_configuration_that_does_not_serve_is_refused(config, content, error, words):
@@ -184,12 +183,9 @@ def test_a_configuration_that_does_not_serve_is_refused(config, content, error, 
         color_space("studio", str(config))
 
 
-def test_an_unknown_space_is_named_with_the_nearest_ones():
+def test_an_unknown_space_is_named_with_the_nearest_ones_and_a_missing_package_with_its_extra(monkeypatch):
     with pytest.raises(BadRequest, match=r"no color space 'ACES cg'.*built-in.* Nearest: ACEScg"):
         color_space("ACES cg")
-
-
-def test_without_the_package_the_extra_is_named(monkeypatch):
     color_spaces._config.cache_clear(), color_spaces._check.cache_clear()
     monkeypatch.setitem(sys.modules, "PyOpenColorIO", None)
     with pytest.raises(MissingDependency, match=r"opencolorio.*karf\[color\]"):

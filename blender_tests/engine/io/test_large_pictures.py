@@ -6,6 +6,7 @@ import sys
 import tracemalloc
 import zlib
 from itertools import product
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -39,11 +40,9 @@ def claiming_exr(path, window, last, names=("R", "G", "B")):
 def claiming_tiff(path):
     Image.fromarray(np.zeros((8, 8, 3), np.uint8)).save(path)
     content = bytearray(path.read_bytes())
-    (directory,) = struct.unpack("<I", content[4:8])
-    (count,) = struct.unpack("<H", content[directory : directory + 2])
-    for entry in range(directory + 2, directory + 2 + 12 * count, 12):
-        if struct.unpack("<H", content[entry : entry + 2])[0] in (256, 257):
-            content[entry + 2 : entry + 12] = struct.pack("<HII", 4, 1, 60_000)
+    for tag in (256, 257):  # width and height
+        start = content.index(struct.pack("<HHI", tag, 4, 1))
+        content[start : start + 12] = struct.pack("<HHII", tag, 4, 1, 60_000)
     path.write_bytes(content)
 
 
@@ -57,35 +56,28 @@ CLAIMS = {
     "layers.exr": lambda path: claiming_exr(path, "dataWindow", (1_999, 1_999), [f"{n:02d}.Z" for n in range(40)]),
     "claims.tif": claiming_tiff,
 }
+CASES = [*product(CLAIMS, [read_photo, read_mask]), *product(list(CLAIMS)[:4], [image_header])]
 
 
-@pytest.mark.parametrize(
-    ("name", "read"), [*product(CLAIMS, [read_photo, read_mask]), *((name, image_header) for name in list(CLAIMS)[:4])]
-)
+@pytest.mark.parametrize(("name", "read"), CASES)
 def test_small_files_that_claim_many_pixels_are_refused_by_their_size(tmp_path, name, read):
     CLAIMS[name](tmp_path / name)
-    words = r"has \d+x\d+ pixels in [\d,]+ bytes; at most \d+ million are read"
     tracemalloc.start()
-    try:
-        with pytest.raises(DataError, match=words) as caught:
-            read(tmp_path / name)
-        assert tracemalloc.get_traced_memory()[1] < 50e6
-    finally:
-        tracemalloc.stop()
-    assert str(tmp_path / name) in caught.value.sentence and caught.value.hint
+    with pytest.raises(DataError, match=r"has \d+x\d+ pixels in [\d,]+ bytes; at most \d+ million are read") as caught:
+        read(tmp_path / name)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 50e6 and str(tmp_path / name) in caught.value.sentence and caught.value.hint
 
 
-def test_photographs_of_a_hundred_megapixels_are_read(tmp_path):
+def test_photographs_of_a_hundred_megapixels_and_masks_that_pack_well_are_read(tmp_path):
     stream = io.BytesIO()
     Image.new("L", (8, 8)).save(stream, "JPEG")
     content = bytearray(stream.getvalue())
     start = content.index(b"\xff\xc0") + 5
     content[start : start + 4] = struct.pack(">HH", 8_700, 11_600)
-    (tmp_path / "a.jpg").write_bytes(bytes(content) + bytes(20_000_000))
+    (tmp_path / "a.jpg").write_bytes(bytes(content) + bytes(20_000_000))  # as much as a camera writes
     assert image_header(tmp_path / "a.jpg").display_size == (11_600, 8_700)
-
-
-def test_a_mask_of_a_large_photo_is_read_though_it_packs_well(tmp_path):
     picture = np.zeros((6_000, 8_000), np.uint8)
     picture[:50, :60] = 255
     Image.fromarray(picture).save(tmp_path / "a.png", compress_level=1)
@@ -122,10 +114,6 @@ def test_deep_pictures_take_little_more_memory_than_their_pixels(name, tmp_path)
 
 def test_memory_that_runs_out_while_a_photo_is_read_is_no_damage_of_the_photo(tmp_path, monkeypatch):
     (tmp_path / "a.png").write_bytes(png_bytes(8, 8))
-
-    def too_much(*_, **__):
-        raise MemoryError
-
-    monkeypatch.setattr("karf_engine.io.images.iio.imopen", too_much)
+    monkeypatch.setattr("karf_engine.io.images.iio.imopen", Mock(side_effect=MemoryError))
     with pytest.raises(MemoryError):
         read_photo(tmp_path / "a.png")

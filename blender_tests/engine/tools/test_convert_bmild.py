@@ -77,38 +77,25 @@ def test_a_list_of_arrays_that_would_run_code_is_refused_and_runs_nothing(tmp_pa
     assert not trap.folder.exists()
 
 
-@pytest.mark.parametrize("kept", [0, 5, 100, -60])
-def test_a_truncated_file_is_refused(model, kept):
-    write_arrays(model, WHOLE)
-    model.write_bytes(model.read_bytes()[:kept])
-    refused(model, "cannot be read")
+def cut(kept):
+    def write(path):
+        write_arrays(path, WHOLE)
+        path.write_bytes(path.read_bytes()[:kept])
+
+    return write
 
 
-@pytest.mark.parametrize(
-    ("arrays", "words"),
-    [
-        ([np.ones(2)] * 5, "holds 5 arrays"),
-        ([np.array(["a", "b"])] * 24, "cannot be read"),
-        (WHOLE[2:], "a network of another kind"),  # without the first layer
-        ([*WHOLE[:-1], np.full_like(WHOLE[-1], np.nan)], "not finite"),
-    ],
-)
-def test_arrays_of_no_nerf_are_refused(model, arrays, words):
-    write_arrays(model, arrays)
-    refused(model, words)
+def arrays(values):
+    return lambda path: write_arrays(path, values)
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda path: None, "does not exist"),
-        (lambda path: np.save(path, np.ones(5)), "one array of numbers"),
-        (lambda path: path.symlink_to("/dev/zero"), "is a pipe or a device, not a file"),
-    ],
-)
-def test_what_is_no_list_of_arrays_is_refused(model, make, words):
-    make(model)
-    refused(model, words)
+def pickled(content):
+    def write(path):
+        with path.open("wb") as file:
+            np.lib.format.write_array_header_1_0(file, {"descr": "|O", "fortran_order": False, "shape": (1,)})
+            file.write(content)
+
+    return write
 
 
 def one_array_many_times():
@@ -118,17 +105,23 @@ def one_array_many_times():
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("write", "words"),
     [
-        (b"K\x01r" + struct.pack("<I", 2**28) + b".", "numbers an entry 268435456"),
-        (b"\x8e" + struct.pack("<Q", 2**40) + b"x.", "cannot be read"),  # a long text
-        (one_array_many_times(), "repeat a few numbers"),
+        *((cut(kept), "cannot be read") for kept in (0, 5, 100, -60)),
+        (arrays([np.ones(2)] * 5), "holds 5 arrays"),
+        (arrays([np.array(["a", "b"])] * 24), "cannot be read"),
+        (arrays(WHOLE[2:]), "a network of another kind"),  # without the first layer
+        (arrays([*WHOLE[:-1], np.full_like(WHOLE[-1], np.nan)]), "not finite"),
+        (lambda path: None, "does not exist"),
+        (lambda path: np.save(path, np.ones(5)), "one array of numbers"),
+        (lambda path: path.symlink_to("/dev/zero"), "is a pipe or a device, not a file"),
+        (pickled(b"K\x01r" + struct.pack("<I", 2**28) + b"."), "numbers an entry 268435456"),
+        (pickled(b"\x8e" + struct.pack("<Q", 2**40) + b"x."), "cannot be read"),  # a long text
+        (pickled(one_array_many_times()), "repeat a few numbers"),
     ],
 )
-def test_claims_beyond_the_file_are_refused_without_taking_memory(model, content, words):
-    with model.open("wb") as file:
-        np.lib.format.write_array_header_1_0(file, {"descr": "|O", "fortran_order": False, "shape": (1,)})
-        file.write(content)
+def test_what_is_no_network_is_refused_without_taking_memory(model, write, words):
+    write(model)
     refused(model, words)
 
 
