@@ -48,7 +48,7 @@ SLOW = tuple(
         "test_notebooks.py", "test_readme.py", "test_api.py", "cli/test_cli.py", "worker/test_jobs.py",
         "fields/test_registry.py", "fields/nerf/test_fit_nerf.py", "fields/voxels/test_fit.py",
         "fields/voxels/test_fit_open.py", "capture/test_triangulation.py", "commands/test_commits.py",
-        "commands/test_geometry.py", "commands/test_kills.py", "commands/test_nerf.py", "commands/test_nothing_seen.py",
+        "commands/test_geometry.py", "commands/test_nerf.py", "commands/test_nothing_seen.py",
         "commands/test_poses.py", "commands/test_sequences.py", "fields/test_resuming.py",
     )
 )  # fmt: skip

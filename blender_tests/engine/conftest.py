@@ -135,8 +135,6 @@ class StillLife:
 @pytest.fixture(scope="session")
 def still_life(tmp_path_factory) -> StillLife:
     """The still life, photographed from 16 sides and two held-out ones."""
-    pytest.importorskip("imageio")
-    pytest.importorskip("scipy")
     from blender_tests.engine.reference.still_life import write_capture, write_masks
 
     folder = odd_folder(tmp_path_factory.mktemp("still life"))
@@ -156,7 +154,6 @@ class Learned:
 @pytest.fixture(scope="session")
 def learned(still_life, tmp_path_factory) -> Learned:
     """The still life, learned once by the command line."""
-    pytest.importorskip("torch")
     project = odd_folder(tmp_path_factory.mktemp("learned")) / "project"
     done = run_engine(*still_life.command(project))
     assert done.returncode == 0, done.stderr

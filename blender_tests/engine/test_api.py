@@ -19,10 +19,6 @@ from blender_tests.engine.conftest import QUICK, ROOT, finish_again
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError, OutOfMemory
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
-
 RED_TO_BLUE = ("#d92619", "#1f5fbf")
 LEARNING = {"overrides": QUICK, "threads": 1, "device": "cpu"}
 

@@ -7,9 +7,6 @@ import pytest
 
 from blender_tests.engine.conftest import ROOT
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 FILES = [path for path in sorted((ROOT / "karf_engine").rglob("*.py")) if ">>> " in path.read_text(encoding="utf-8")]
 MODULES = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FILES]
 

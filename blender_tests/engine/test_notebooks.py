@@ -9,8 +9,6 @@ import pytest
 
 from blender_tests.engine.conftest import ROOT
 
-pytest.importorskip("torch")
-
 PICTURES = {
     "recolor_a_capture": ["learned.png", "recolored.png", "new_camera.png"],
     "what_a_kan_head_learns": ["slices.png", "edges.png"],

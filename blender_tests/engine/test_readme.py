@@ -6,13 +6,8 @@ import sysconfig
 import venv
 from pathlib import Path
 
-import pytest
-
 from blender_tests.engine.conftest import ROOT
 from karf_engine.project import Project
-
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
 
 CHECKS = """
 assert "site-packages" in karf.__file__

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -35,8 +36,9 @@ class Demo:
     def __init__(self, store: Store) -> None:
         self.truth = Truth()
         self.threads = store.threads
-        self.scratch = store.path("scratch_demo")
-        shutil.rmtree(self.scratch, ignore_errors=True)
+        store.folder.mkdir(parents=True, exist_ok=True)
+        self._temporary = tempfile.TemporaryDirectory(prefix="scratch_", dir=store.folder)
+        self.scratch = Path(self._temporary.name)
 
         def learn(folder: Path) -> dict[str, float]:
             project, run = folder / "project", {"threads": store.threads}
@@ -60,7 +62,11 @@ class Demo:
     @cache  # noqa: B019
     def shipped(self) -> TestViews:
         """Return the test photos as the render stage recolors them: in mattes, with weights from the photo's colors."""
-        return matted(self.ours())
+        # in a copy without kept mattes: their modules have to run to be sources of what is measured
+        copy = self.scratch / "shipped"
+        shutil.copytree(self.model.project.folder, copy, ignore=shutil.ignore_patterns("looks"))
+        test = self.ours()
+        return matted(TestViews(karf.load(copy), test.training_images, test.frames))
 
     @cache  # noqa: B019
     def learned(self, overrides: tuple[str, ...], masks: Path = ONE, weights_from: str = "photo") -> TestViews:

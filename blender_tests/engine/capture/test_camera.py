@@ -8,8 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-pytest.importorskip("scipy")
-
 from blender_tests.engine.reference import still_life
 from blender_tests.engine.reference.capture_files import random_rig
 from karf_engine.capture.camera import Camera

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("filelock")
-
 from blender_tests.engine.conftest import ROOT
 from karf_engine.capture.child_process import LOCK, child_messages, work_folder
 from karf_engine.errors import KarfError

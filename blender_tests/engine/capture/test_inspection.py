@@ -4,12 +4,9 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
-
-pytest.importorskip("scipy")
-pytest.importorskip("imageio")
-cv2 = pytest.importorskip("cv2")
 
 from blender_tests.engine.reference import still_life
 from karf_engine import KarfError, inspect_capture, open_capture

@@ -3,15 +3,12 @@
 import gc
 import weakref
 
+import cv2
 import numpy as np
+import OpenEXR
 import pytest
 from numpy.testing import assert_allclose
-
-cv2 = pytest.importorskip("cv2")
-pytest.importorskip("scipy")
-pytest.importorskip("imageio.v3")
-Image = pytest.importorskip("PIL.Image")
-OpenEXR = pytest.importorskip("OpenEXR")
+from PIL import Image
 
 from blender_tests.engine.reference.pictures import LENS, random_bytes, view_of
 from karf_engine.capture import training_images

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
 pytest.importorskip("pycolmap")
 
 from blender_tests.engine.conftest import ROOT

@@ -7,9 +7,6 @@ import sys
 import numpy as np
 import pytest
 
-pytest.importorskip("scipy")
-pytest.importorskip("imageio")
-
 from blender_tests.engine.conftest import LONG_PATH, ROOT, odd_folder, run_engine
 from blender_tests.engine.drawn_chart import CAST, CORNERS, photo_of_chart
 from karf_engine.cli import main, verbs
@@ -104,7 +101,6 @@ FAILURES = [
 def test_a_command_that_cannot_be_done_ends_in_a_sentence_and_leaves_all_as_it_was(
     places, capsys, code, words, sentence, hint
 ):
-    pytest.importorskip("torch")
     project = Project(places["LEARNED"])
     before = project.state()
     said = fails(capsys, code, *(places.get(word, word) for word in words.split()))
@@ -125,7 +121,6 @@ def test_internal_errors_end_with_seventy_and_show_their_trace(monkeypatch, caps
 
 
 def test_the_broken_captures_from_the_wild_end_with_one_sentence(scenes, tmp_path, capsys):
-    pytest.importorskip("torch")
     folders = [path for path in sorted((scenes / "broken").iterdir()) if path.is_dir()]
     assert folders
     for folder in folders:

@@ -17,8 +17,6 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-pytest.importorskip("torch")
-
 from blender_tests.engine.conftest import ROOT
 from karf_engine.cli import doctor, main, smoke
 from karf_engine.project.settings import PRESETS, seconds_of_stages

@@ -11,9 +11,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-pytest.importorskip("scipy")
-pytest.importorskip("imageio")
-
 from blender_tests.engine.conftest import ROOT
 from karf_engine.cli import main
 from karf_engine.errors import Cancelled, OutOfMemory

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
+import torch
 
 from karf_engine.commands.job import make_job
 from karf_engine.commands.recoloring import rays_of, whole_scene

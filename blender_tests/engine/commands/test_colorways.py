@@ -7,9 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 import karf_engine as karf
 from blender_tests.engine.commands.conftest import cameras_file
 from karf_engine.cli import main
@@ -165,7 +162,7 @@ def test_colorways_have_the_edges_of_an_edit_in_photos_and_new_cameras(model, le
     assert np.abs(written - model.recolor(view, plain)).max() > 0.1
 
 
-# -------------------------------------------------------------------------------------------------------------- planning
+# ------------------------------------------------------------------------------------------------------------- planning
 def test_a_plan_needs_no_tensors_keeps_locked_swatches_and_names_what_is_unknown(copy, model, sheet, tmp_path):
     for path in copy.folder.rglob("*.safetensors"):
         path.unlink()

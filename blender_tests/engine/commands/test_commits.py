@@ -5,9 +5,7 @@ import os
 import shutil
 
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from blender_tests.engine.commands.conftest import Events, geometry_command
 from blender_tests.engine.conftest import QUICK
@@ -55,7 +53,7 @@ def stages_run(printed):
     return [stage for stage in STAGE_ORDER if f"{stage}: already done" not in printed]
 
 
-# ------------------------------------------------------------------------------------------------------------- cancelling
+# ----------------------------------------------------------------------------------------------------------- cancelling
 @pytest.mark.parametrize("change", ["seed=7", "segmentation.width=8"])
 def test_a_cancelled_job_leaves_the_project_as_it_was(still_life, copy, change):
     before, steps = contents(copy), iter(range(5))
@@ -83,7 +81,7 @@ def test_masks_of_a_cancelled_segmentation_are_not_kept_and_earlier_ones_are_set
     assert {path.name for path in (copy.folder / "earlier_masks").iterdir()} == {"ball", "block"}
 
 
-# --------------------------------------------------------------------------------------------------------------- resuming
+# ------------------------------------------------------------------------------------------------------------- resuming
 def is_same_file(first, second):
     """Whether both hold the same tensors and facts."""
     schema = f"karf-{first.stem}/1"
@@ -125,7 +123,7 @@ def test_what_led_to_divergence_is_not_resumed(still_life, tmp_path, monkeypatch
     assert not Project(tmp_path).checkpoint_file("geometry").exists()
 
 
-# ----------------------------------------------------------------------------------------------------------------- damage
+# --------------------------------------------------------------------------------------------------------------- damage
 def flip_a_bit(path):
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
@@ -160,7 +158,7 @@ def test_a_plain_rerun_mends_what_is_damaged_and_nothing_else(still_life, copy, 
     assert learned_contents(copy) == before
 
 
-# ------------------------------------------------------------------------------------------------------------ fingerprints
+# --------------------------------------------------------------------------------------------------------- fingerprints
 def test_a_stage_whose_code_gives_another_result_runs_again(still_life, copy, capsys, monkeypatch):
     monkeypatch.setitem(STAGE_VERSIONS, "palette", STAGE_VERSIONS["palette"] + 1)
     assert main(still_life.command(copy.folder)) == 0
@@ -184,7 +182,7 @@ def test_photos_count_by_what_they_show_and_not_by_their_time(still_life, copy, 
         os.utime(photo, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
 
 
-# ------------------------------------------------------------------------------------------------------------------- reading
+# -------------------------------------------------------------------------------------------------------------- reading
 def test_a_project_that_is_being_learned_anew_can_be_rendered(copy, tmp_path):
     with write_lock(copy):
         assert render(copy, tmp_path / "out") == 0 and len(list((tmp_path / "out" / "render").iterdir())) == 2

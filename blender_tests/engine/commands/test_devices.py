@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
 PRETEND = "blender_tests.engine.pretend_device"
 pytest.importorskip(PRETEND, reason="this torch has no device made of Python alone", exc_type=ImportError)
 
@@ -121,7 +120,7 @@ def test_a_foreign_nerf_is_imported_away_from_the_cpu(elsewhere, monkeypatch):
     assert scene.field.bounds.device.type == elsewhere.type
 
 
-# ------------------------------------------------------------------------------------------------------ the other stages
+# ----------------------------------------------------------------------------------------------------- the other stages
 QUICK = ("segmentation.iterations=25", "recoloring.iterations=4", "segmentation.rounds=1")
 WAYS = {
     "as by default": (),

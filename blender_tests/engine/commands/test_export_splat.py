@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
 pytest.importorskip("numba")
 
 import karf_engine as karf
@@ -195,7 +193,7 @@ def test_a_cut_out_keeps_its_columns_but_no_weights_of_an_earlier_export_with_mo
     assert columns["karf_object"].any() and (columns["flags"] == columns["confidence"] % 7).all()
 
 
-# ------------------------------------------------------------------------------------------------------- what is refused
+# ------------------------------------------------------------------------------------------------------ what is refused
 def test_an_object_of_which_there_is_no_gaussian_is_named(learned, tmp_path, monkeypatch):
     monkeypatch.setattr(export_splat, "MIN_PROBABILITY", 1.1)
     with pytest.raises(BadRequest, match="No Gaussian is of 'ball'"):

@@ -6,9 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 from blender_tests.engine.commands.conftest import Events
 from blender_tests.engine.conftest import QUICK as BOX
 from blender_tests.engine.fields.voxels.test_fit_open import points_on_the_still_life

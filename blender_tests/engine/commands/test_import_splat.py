@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
 pytest.importorskip("numba")
 
 import karf_engine as karf
@@ -160,7 +158,7 @@ def test_learned_it_is_shown_as_it_came_and_anew_once_the_file_is_another(
     assert_array_equal(load_gaussians(project.splats_file).table, changed)
 
 
-# ------------------------------------------------------------------------------------------------------- what is refused
+# ------------------------------------------------------------------------------------------------------ what is refused
 def test_photos_that_it_does_not_show_are_refused(imported, tmp_path, still_life, table):
     elsewhere = table.copy()
     elsewhere[:, :3] += 5

@@ -6,9 +6,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from blender_tests.engine.commands.conftest import run
 from karf_engine.errors import Cancelled

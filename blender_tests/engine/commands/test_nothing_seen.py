@@ -5,9 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from blender_tests.engine.commands.conftest import run
 from blender_tests.engine.reference.still_life import camera_at
@@ -41,7 +39,7 @@ CAMERAS = {
 }
 
 
-# ---------------------------------------------------------------------------------------------------- cameras, one by one
+# -------------------------------------------------------------------------------------------------- cameras, one by one
 def voxels(space, filled):
     occupied = torch.zeros(6, 6, 6, dtype=torch.bool)
     occupied[2:4, 2:4, 2:4] = True
@@ -87,7 +85,7 @@ def test_every_camera_renders_every_space(make, filled, camera):
     assert planes.shape == (len(picture.cache), 2, 3) and torch.isfinite(planes).all()
 
 
-# ------------------------------------------------------------------------------------------------------ a learned project
+# ---------------------------------------------------------------------------------------------------- a learned project
 @pytest.mark.parametrize("known", ["geometry", "segmentation", "recoloring"])
 def test_a_camera_that_sees_nothing_ends_no_render(copy, tmp_path, known):
     later = {"geometry": "segmentation", "segmentation": "palette"}
@@ -109,7 +107,7 @@ def test_a_camera_that_sees_nothing_ends_no_render(copy, tmp_path, known):
         assert not read_mask(tmp_path / "out" / "masks" / "ball" / "f0.png").any()
 
 
-# -------------------------------------------------------------------------------------------------- marks of hardly anything
+# --------------------------------------------------------------------------------------------- marks of hardly anything
 @pytest.fixture
 def beside(still_life, tmp_path):
     """Masks of the still life, but of the ball only a pixel that shows nothing."""

@@ -1,4 +1,4 @@
-"""Captures from photos without poses: placed as the truth says, refused with a remedy, stopped at once, never half there."""
+"""Captures from photos without poses: placed as the truth says, refused with a remedy, never half there."""
 
 import shutil
 import sys
@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 pytest.importorskip("pycolmap")
-pytest.importorskip("cv2")
 
 import cv2
 from PIL import Image
@@ -68,7 +67,7 @@ def noise(folder, count, size=128):
     return folder
 
 
-# --------------------------------------------------------------------------------------------------------------- results
+# -------------------------------------------------------------------------------------------------------------- results
 def test_small_smooth_photos_of_the_demo_are_placed_near_their_true_poses(tmp_path):
     photos = linked(sorted((ROOT / "demo" / "train").glob("*.png"))[::2], tmp_path / "photos")
     events = run(photos, tmp_path / "capture")
@@ -100,7 +99,7 @@ def test_turned_photos_become_upright_copies_and_others_are_linked(tmp_path):
     assert (tmp_path / "out" / "plain.png").samefile(tmp_path / "plain.png")
 
 
-# ----------------------------------------------------------------------------------------------------------------- video
+# ---------------------------------------------------------------------------------------------------------------- video
 def write_video(path, count):
     """Write a film of a moving pattern; every fourth frame is sharp."""
     pattern = np.random.default_rng(2).integers(0, 256, size=(120, 400, 3), dtype=np.uint8)
@@ -123,7 +122,7 @@ def test_the_sharpest_frame_of_every_stretch_is_taken_from_a_video(tmp_path, mon
         assert np.abs(read_photo(tmp_path / "frames" / name) - sharp).mean() < 0.06
 
 
-# ---------------------------------------------------------------------------------------------------------------- errors
+# --------------------------------------------------------------------------------------------------------------- errors
 def test_photos_with_nothing_in_common_are_refused_with_a_remedy(tmp_path):
     with pytest.raises(DataError, match=r"Only 0 of the 5 photos of .*photos could be placed") as caught:
         run(noise(tmp_path / "photos", 5), tmp_path / "capture")
@@ -199,7 +198,7 @@ def test_without_pycolmap_the_remedy_is_named(tmp_path, monkeypatch):
     assert caught.value.hint == f"Install it there: {sys.executable} -m pip install pycolmap"
 
 
-# ---------------------------------------------------------------------------------------------------------------- cancel
+# --------------------------------------------------------------------------------------------------------------- cancel
 @pytest.mark.parametrize("at", ["reading photos", "reading frames", "features"])
 def test_a_cancelled_job_leaves_nothing(tmp_path, at):
     if at == "reading frames":

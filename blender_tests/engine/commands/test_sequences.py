@@ -8,9 +8,6 @@ from dataclasses import replace
 
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 from blender_tests.engine.commands.conftest import Events
 from blender_tests.engine.commands.farm.sequences import Sequence
 from karf_engine.errors import Cancelled

@@ -6,9 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-
-torch = pytest.importorskip("torch")
-Image = pytest.importorskip("PIL.Image")
+from PIL import Image
 
 import karf_engine as karf
 from blender_tests.engine.commands.conftest import cameras_file, geometry_command
@@ -81,7 +79,7 @@ def is_green(pixels):
     return pixels[:, 1].mean() > 2 * pixels[:, 0].mean()
 
 
-# --------------------------------------------------------------------------------------------------------- kinds of photos
+# ------------------------------------------------------------------------------------------------------ kinds of photos
 def test_all_pixels_of_a_photo_are_recolored_and_no_others_change(model, green, photo, tmp_path):
     view = saved(tmp_path / "a.png", photo.color)
     ready = model.photo_view(view)
@@ -149,7 +147,7 @@ def test_rough_masks_lie_in_the_grid_of_the_stored_photo(model, photo, tmp_path,
     assert_array_equal(marks.drawn[0], shown[..., 0] > 127)
 
 
-# ------------------------------------------------------------------------------------------------------- edits of one view
+# ---------------------------------------------------------------------------------------------------- edits of one view
 def test_several_edits_share_one_view(model, green, photo, tmp_path):
     ready = model.photo_view(saved(tmp_path / "a.png", photo.color))
     edits = [green, model.edit(), model.edit().swatch("block", 1, "#ffffff"), replace(green, compositing="paper")]
@@ -185,7 +183,7 @@ def test_an_edit_with_an_added_color_is_another_frame(model, added):
     assert len({frame_fingerprint("view", each) for each in (model.edit(), added, further)}) == 3
 
 
-# ---------------------------------------------------------------------------------------------------------- command line
+# --------------------------------------------------------------------------------------------------------- command line
 @pytest.fixture
 def render(learned, tmp_path):
     """Render into a folder `out`; the exit code."""
@@ -272,7 +270,7 @@ def test_bands_of_rows_are_the_whole_picture(model, monkeypatch):
         assert_allclose(getattr(bands, name), getattr(whole, name), atol=1e-4)
 
 
-# ---------------------------------------------------------------------------------------------------------- other color spaces
+# --------------------------------------------------------------------------------------------------- other color spaces
 SPACE = "sRGB Encoded P3-D65"
 
 

@@ -2,8 +2,6 @@
 
 import pytest
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
 pytest.importorskip("numba")
 
 import karf_engine as karf

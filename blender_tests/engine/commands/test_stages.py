@@ -7,11 +7,10 @@ from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
+import OpenEXR
 import pytest
-
-torch = pytest.importorskip("torch")
-maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
-OpenEXR = pytest.importorskip("OpenEXR")
+import torch
+from scipy.ndimage import maximum_filter
 
 import karf_engine
 from blender_tests.engine.commands.conftest import cameras_file, run
@@ -65,7 +64,7 @@ def done_already(printed):
     return [f"{stage}: already done" in printed for stage in STAGE_ORDER]
 
 
-# --------------------------------------------------------------------------------------------------------------- learning
+# ------------------------------------------------------------------------------------------------------------- learning
 def test_every_stage_is_noted_with_its_figures_and_files(learned):
     project = Project(learned.project)
     assert all(project.finished(stage)["seconds"] > 0 for stage in STAGE_ORDER)
@@ -136,7 +135,7 @@ def test_no_view_shows_an_object_beyond_its_volume(copy):
     assert not after.segmentation.inside(beyond)[0, block]
 
 
-# -------------------------------------------------------------------------------------------------------------- rendering
+# ------------------------------------------------------------------------------------------------------------ rendering
 def test_held_out_views_show_the_scene_its_objects_their_depth_and_doubts(still_life, frames):
     for stem in ("r_0", "r_1"):
         truth = still_life.photos[f"test/{stem}"]
@@ -212,7 +211,7 @@ def test_free_cameras_are_rendered_recolored_and_layered_without_a_photo(learned
     np.testing.assert_array_equal(depth, np.load(tmp_path / "depth" / "frame_0.npy"))
 
 
-# --------------------------------------------------------------------------------------------------------------- palettes
+# ------------------------------------------------------------------------------------------------------------- palettes
 def test_palettes_are_printed_as_json_without_computing(learned, capsys):
     assert run("palette", learned.project, "--json") == 0
     printed = json.loads(capsys.readouterr().out)
@@ -271,7 +270,7 @@ def test_matched_edits_change_the_named_object_only_and_add_up(learned, green, t
     assert all(rgb_to_hex(colors[0]) == "#000000" for colors in both.colors.values())
 
 
-# ---------------------------------------------------------------------------------------------------------- every command
+# -------------------------------------------------------------------------------------------------------- every command
 def test_every_command_is_run_in_the_same_way_and_may_be_a_job():
     for name in (name for name, kind in COMMANDS.items() if kind is not LearnOptions):
         run = import_module(f"karf_engine.commands.{name.replace('-', '_')}").run

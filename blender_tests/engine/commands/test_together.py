@@ -4,9 +4,7 @@ import os
 from contextlib import suppress
 
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from blender_tests.engine.conftest import run_engine
 from karf_engine.commands import geometry
@@ -108,7 +106,7 @@ def test_where_one_process_fails_all_end(tmp_path):
     assert done.returncode != 0 and (done.stdout + done.stderr).count("error: ") >= 1
 
 
-# ----------------------------------------------------------------------------------------------------- the process group
+# ---------------------------------------------------------------------------------------------------- the process group
 def test_each_process_draws_its_own_numbers_also_where_a_share_is_tried_again_and_then_all_stand_at_one_place():
     drawn, after = [], []
     for rank in range(2):

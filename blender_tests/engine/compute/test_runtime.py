@@ -8,9 +8,8 @@ import warnings
 
 import numpy as np
 import pytest
+import torch
 from scipy import sparse
-
-torch = pytest.importorskip("torch")
 
 from karf_engine.cli import main
 from karf_engine.compute import cores, sparse_systems

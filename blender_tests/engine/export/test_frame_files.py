@@ -2,14 +2,10 @@
 
 import sys
 
-import numpy as np
-import pytest
-
-pytest.importorskip("torch")
-pytest.importorskip("cv2")
-OpenEXR = pytest.importorskip("OpenEXR")
-
 import imageio.v2 as imageio
+import numpy as np
+import OpenEXR
+import pytest
 
 from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.errors import BadRequest, DataError, MissingDependency

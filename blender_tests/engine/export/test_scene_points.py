@@ -11,7 +11,6 @@ from karf_engine.capture.sparse_points import read_points as read_ply
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.export.scene_points import read_points, write_points
 
-pytest.importorskip("torch")
 COUNT = 2000
 
 

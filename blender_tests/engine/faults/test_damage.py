@@ -6,8 +6,6 @@ import shutil
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-
 from blender_tests.engine.faults.bench import digest
 from blender_tests.engine.faults.engine import run
 from blender_tests.engine.readers.samples import renew_checksum

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("torch")
-
 from blender_tests.engine.faults.engine import Child, run
 from blender_tests.engine.faults.traps import die_at_change, refuse_changes
 

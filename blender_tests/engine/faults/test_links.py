@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("torch")
-
 from blender_tests.engine.faults.engine import run_all
 
 # what a finished project does not have, and commands make or look for

@@ -2,15 +2,12 @@
 
 import errno
 import os
+import resource
 import shutil
 from functools import partial
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("torch")
-
-import resource
 
 from blender_tests.engine.commands.farm.sequences import write_sequence
 from blender_tests.engine.conftest import QUICK

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
+import torch
 
 from blender_tests.engine.fields.fitting import silent
 from blender_tests.engine.fields.voxels import test_fit as box

@@ -6,9 +6,6 @@ from pathlib import Path
 
 import pytest
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 from blender_tests.engine.conftest import QUICK, ROOT
 from blender_tests.engine.fields import example_field
 from karf_engine.cli import main

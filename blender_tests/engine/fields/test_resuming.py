@@ -3,9 +3,7 @@
 from dataclasses import replace
 
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from blender_tests.engine.fields.fitting import learn_head
 from blender_tests.engine.fields.nerf import test_fit_nerf as nerf

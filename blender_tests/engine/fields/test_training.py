@@ -5,8 +5,7 @@ import subprocess
 import sys
 
 import pytest
-
-torch = pytest.importorskip("torch")
+import torch
 
 from blender_tests.engine.conftest import ROOT
 from karf_engine.compute.progress import Progress

@@ -3,9 +3,7 @@
 import contextlib
 
 import pytest
-
-torch = pytest.importorskip("torch")
-
+import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from blender_tests.engine.fields.fitting import learn_head

@@ -3,12 +3,11 @@
 import os
 from pathlib import Path
 
+import cv2
 import numpy as np
+import OpenEXR
 import pytest
-
-torch = pytest.importorskip("torch")
-cv2 = pytest.importorskip("cv2")
-OpenEXR = pytest.importorskip("OpenEXR")
+import torch
 
 from blender_tests.engine.splats.clouds import cloud
 from blender_tests.engine.splats.formats.files import ENDS

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 pytest.importorskip("PyOpenColorIO")
-OpenEXR = pytest.importorskip("OpenEXR")
+import OpenEXR
 
 from blender_tests.engine.reference.no_files import NO_FILES
 from blender_tests.engine.reference.still_life import camera_at

@@ -8,13 +8,10 @@ import zlib
 from itertools import product
 from unittest.mock import Mock
 
+import cv2
 import numpy as np
+import OpenEXR
 import pytest
-
-pytest.importorskip("imageio")
-pytest.importorskip("scipy")
-cv2 = pytest.importorskip("cv2")
-OpenEXR = pytest.importorskip("OpenEXR")
 from PIL import Image
 
 from blender_tests.engine.peak import peak_of

@@ -8,9 +8,8 @@ from dataclasses import MISSING
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-
-np = pytest.importorskip("numpy")
 
 import karf_engine as karf
 from karf_engine.cli.verbs import make_parser, options_of

@@ -3,14 +3,12 @@
 import struct
 import zlib
 
+import imageio.v3 as iio
 import numpy as np
+import OpenEXR
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-
-pytest.importorskip("cv2")
-Image = pytest.importorskip("PIL.Image")
-iio = pytest.importorskip("imageio.v3")
-OpenEXR = pytest.importorskip("OpenEXR")
+from PIL import Image
 
 from blender_tests.engine.reference.capture_files import jpeg_head
 from blender_tests.engine.reference.pictures import random_bytes

@@ -10,9 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("filelock")
-
 from filelock import SoftFileLease, Timeout
 
 from blender_tests.engine.conftest import ROOT

@@ -14,9 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 import karf_engine as karf
 from blender_tests.engine.library.contract import OMITTED, kinds

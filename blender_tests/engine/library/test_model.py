@@ -6,9 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 from karf_engine.recolor.frames import LONGEST_REPR
 from karf_engine.recolor.model import Model
 

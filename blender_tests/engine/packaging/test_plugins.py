@@ -10,12 +10,10 @@ import pytest
 
 from blender_tests.engine.conftest import ROOT
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 EXAMPLES = ("fields/example_field.py", "heads/example_head.py", "capture/example_format.py")
 CHOSEN = ("geometry.field=balls", "segmentation.head=fourier", "segmentation.labels=exact", "recoloring.layer=linear")
-OPEN = "import karf_engine as karf; model = karf.load('project', device='cpu'); print(model.scene.field.kind, *model.objects)"
+LOAD = "import karf_engine as karf; model = karf.load('project', device='cpu'); "
+OPEN = LOAD + "print(model.scene.field.kind, *model.objects)"
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +41,7 @@ def installed(wheel, plugin, tmp_path_factory) -> dict[str, Path]:
 
 
 def run(place: Path, work: Path, *arguments) -> subprocess.CompletedProcess:
-    """Run Python with the packages of a place, in a folder that has no other karf_engine; torch is this environment's."""
+    """Run Python with the packages of a place, in a folder without another karf_engine; torch is this environment's."""
     environment = os.environ | {"PYTHONPATH": str(place), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, *map(str, arguments)]
     return subprocess.run(command, cwd=work, env=environment, capture_output=True, text=True, timeout=900)

@@ -54,7 +54,7 @@ def test_what_learns_and_renders_is_imported_without_any_extra():
     assert done.returncode == 0, done.stderr
 
 
-# ------------------------------------------------------------------------------------------------------------ lock files
+# ----------------------------------------------------------------------------------------------------------- lock files
 FOLDER = ROOT / "karf_blender" / "engine" / "installer" / "requirements"
 LOCKS = {path.stem: path.read_text(encoding="utf-8") for path in FOLDER.glob("*.txt")}
 PYTHONS = ("cp311", "cp312", "cp313", "cp314")

@@ -46,7 +46,7 @@ def test_every_cell_of_the_workflows_exists():
     assert named and set(named) <= {cell.name for cell in all_cells()}
 
 
-# ------------------------------------------------------------------------------------------------------------- container
+# ------------------------------------------------------------------------------------------------------------ container
 def instruction(name):
     return [line.removeprefix(name).strip() for line in RECIPE if line.startswith(f"{name} ")]
 

@@ -10,10 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("safetensors")
-
+import torch
 from safetensors.torch import save_file
 
 from blender_tests.engine.reference.no_files import NO_FILES

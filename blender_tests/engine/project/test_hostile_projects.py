@@ -8,11 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
-pytest.importorskip("imageio")
-
 from safetensors import safe_open
 from safetensors.torch import save_file
 

@@ -8,8 +8,6 @@ import time
 
 import pytest
 
-pytest.importorskip("filelock")
-
 from blender_tests.engine.conftest import ROOT
 from karf_engine.errors import BadRequest
 from karf_engine.io.files import host_name

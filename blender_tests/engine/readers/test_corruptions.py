@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-
 from blender_tests.engine.readers.registry import readers
 from blender_tests.engine.readers.samples import NAMES
 from blender_tests.engine.reference.capture_files import ColmapModel, jpeg_head, png_bytes, put_photos

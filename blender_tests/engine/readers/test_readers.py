@@ -11,8 +11,6 @@ import pytest
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
-pytest.importorskip("torch")
-
 from blender_tests.engine.readers.registry import project_readers, readers
 from blender_tests.engine.readers.samples import renew_checksum
 from blender_tests.engine.readers.watch import Flaw, read_watched

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_array_equal
 
-torch = pytest.importorskip("torch")
 pytest.importorskip("numba")
 
 from safetensors import safe_open

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_allclose
 
-torch = pytest.importorskip("torch")
 pytest.importorskip("numba")
 
 from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, BOXES, camera_at

@@ -5,8 +5,7 @@ import struct
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
+import torch
 
 from blender_tests.engine.reference.checkpoints import Trap, bmild_arrays, vanilla_state, write_arrays
 from blender_tests.engine.reference.memory import little_memory

@@ -10,9 +10,6 @@ import pytest
 
 from blender_tests.engine.conftest import ROOT
 from blender_tests.engine.test_layering import FLOORS
-
-pytest.importorskip("numpy")
-
 from karf_engine.io.options import flag_of
 from karf_engine.project.settings import describe
 from tools import reference

@@ -41,16 +41,16 @@ def checkout(tmp_path):
 @pytest.mark.parametrize(
     ("module", "stale", "fresh"),
     [
-        ("recolor/matting/matte.py", {"outside", "edits", "segmentation"}, {"ablations", "kernels"}),
+        ("recolor/matting/photo_mattes.py", {"outside", "edits", "segmentation"}, {"ablations", "consistency"}),
         ("palettes/matching/becomes.py", {"outside", "edits", "consistency"}, {"segmentation", "ablations"}),
-        ("metrics/masks.py", {"segmentation"}, {"outside", "ablations"}),
-        ("kan/gated_block.py", {"ablations", "segmentation"}, {"kernels"}),
+        ("metrics/images.py", {"outside", "edits", "ablations"}, {"segmentation", "consistency"}),
+        ("kan/gated_block.py", {"outside", "ablations", "segmentation"}, {"kernels"}),
     ],
 )
 def test_a_changed_module_makes_the_tables_stale_that_depend_on_it(checkout, module, stale, fresh):
     name, before = f"karf_engine/{module}", set(pages.stale_tables(checkout))
     file = checkout / name
-    file.write_text(file.read_text(encoding="utf-8").replace("import annotations", "import annotations\n\nNEW = 1", 1))
+    file.write_text(file.read_text(encoding="utf-8") + "\nNEW = 1\n")
     after = {table for table, modules in pages.stale_tables(checkout).items() if name in modules}
     assert stale & set(STORED) <= after and not fresh & after
     file.write_text(NO_CODE)

@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("scipy")
-pytest.importorskip("cv2")
-
 from blender_tests.engine.reference.textures import smooth_texture
 from karf_engine.capture.camera import Camera
 from tools.metrics.consistency import (

@@ -4,8 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
+import torch
 
 from karf_engine.capture.camera import Camera
 from karf_engine.fields.rendering.surface_cache import SurfaceCache

@@ -11,9 +11,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("scipy")
-pytest.importorskip("imageio")
-
 from blender_tests.engine.conftest import ROOT
 from karf_engine.cli import main
 from karf_engine.project import Project
@@ -126,7 +123,6 @@ def places(child):
 def test_a_learning_job_stops_when_told_and_leaves_the_project_and_its_folder_free(
     learned, still_life, tmp_path, start, how
 ):
-    pytest.importorskip("torch")
     first, job, project = render_job(learned, tmp_path / "first"), tmp_path / "job", tmp_path / "project"
     learning_job(still_life, job, project)
     if how == "word":  # to a child that has done another job, whose folder it left
@@ -173,7 +169,6 @@ WRONG_JOBS = [  # what is wrong with a request to render, exit code, kind of err
 
 @pytest.mark.parametrize(("change", "code", "kind", "words"), WRONG_JOBS)
 def test_a_job_that_fails_says_why_as_an_event(tmp_path, monkeypatch, change, code, kind, words):
-    pytest.importorskip("torch")
     request = {"protocol": 1, "stage": "render", "project": str(tmp_path)}
     (tmp_path / "request.json").write_text("{" if change is None else json.dumps(request | change))
     monkeypatch.setattr(sys, "stdin", io.StringIO())

@@ -6,8 +6,6 @@ import time
 
 import pytest
 
-pytest.importorskip("numpy")
-
 from karf_engine.errors import DataError, OutOfMemory
 from karf_engine.worker import queries as kinds_module
 from karf_engine.worker.loop import Worker

@@ -9,9 +9,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 from blender_tests.engine.conftest import QUICK, ROOT
 from karf_engine.project import Project
 from karf_engine.project.contents import read_capture

@@ -7,9 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 import karf_engine as karf
 from blender_tests.engine.commands.conftest import geometry_command
 from blender_tests.engine.commands.farm.sequences import write_sequence
@@ -96,7 +93,7 @@ def test_a_bundle_is_never_written_over_nor_left_half_made(learned, still_life, 
     assert names_in(tmp_path) == ["edit.json", "masks", "taken"] and names_in(tmp_path / "taken") == ["note"]
 
 
-# ---------------------------------------------------------------------------------------------- what is packed of a film
+# --------------------------------------------------------------------------------------------- what is packed of a film
 def linked(place, target):
     place.unlink()
     place.symlink_to(target)
@@ -173,7 +170,7 @@ def test_what_is_packed_is_listed_before_anything_is_written(learned, tmp_path):
     assert any(line.startswith("packing 2 files") for line in lines)
 
 
-# ------------------------------------------------------------------------------------------------- what a bundle relies on
+# ---------------------------------------------------------------------------------------------- what a bundle relies on
 def test_a_part_of_the_views_is_rendered_as_it_is_among_all_and_an_empty_one_is_refused(sequence, tmp_path):
     sequence.render(tmp_path / "all")
     sequence.render(tmp_path / "part", first=2, last=4, count=2)

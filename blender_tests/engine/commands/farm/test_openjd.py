@@ -8,9 +8,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 import karf_engine as karf
 from blender_tests.engine.commands.farm.sequences import write_sequence
 from blender_tests.engine.conftest import QUICK

@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_allclose
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
 
 from blender_tests.engine.fields.fitting import bank_of, silent, sparse_points
 from blender_tests.engine.reference.nerf import still_life

@@ -9,10 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_allclose
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
 
 from blender_tests.engine.reference import checkpoints
 from blender_tests.engine.reference.checkpoints import OCTAVES, Trap, layers, vanilla_state, write_arrays

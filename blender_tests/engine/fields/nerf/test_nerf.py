@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_allclose
-
-torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.nerf import composited, fine_t, vanilla
 from karf_engine.errors import DataError

@@ -4,10 +4,8 @@ import json
 
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_allclose, assert_array_equal
-
-torch = pytest.importorskip("torch")
-
 from torch.nn.functional import normalize
 
 from blender_tests.engine.reference.capture_files import random_rotation

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_allclose
-
-torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.rays import composite
 from karf_engine.fields.rendering import volume

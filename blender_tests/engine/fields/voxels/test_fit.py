@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
+import torch
+from scipy.ndimage import maximum_filter
 
 from blender_tests.engine.fields.fitting import bank_of, silent
 from blender_tests.engine.reference.still_life import camera_at, cameras, take_photo

@@ -6,8 +6,8 @@ import sys
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
 pytest.importorskip("numba")
 
 from torch.testing import assert_close

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_allclose
-
-torch = pytest.importorskip("torch")
-ndimage = pytest.importorskip("scipy.ndimage")
+from scipy import ndimage
 
 from karf_engine.fields.voxels.field import VoxelField, WeightedGather, rescaled_raw
 

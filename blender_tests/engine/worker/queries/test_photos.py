@@ -8,9 +8,6 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 import karf_engine as karf
 from karf_engine.capture.camera import Camera
 from karf_engine.errors import BadRequest, KarfError

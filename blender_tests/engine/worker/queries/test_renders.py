@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-pytest.importorskip("torch")
 pytest.importorskip("numba")
 
 from blender_tests.engine.conftest import finish_again, of_field
