@@ -61,14 +61,9 @@ def test_the_mean_is_over_all_pairs_of_the_interval_that_say_something():
     assert np.isnan(mean_of_pairs(3, 3, lambda a, b: 1.0))
 
 
-@pytest.fixture
-def three():
-    return [sight(x) for x in STEPS]
-
-
-def pairs(three):
-    before, middle, after = three
-    return match_by_depth(middle, before), match_by_depth(middle, after)
+def flicker_of(pictures, views=None):
+    before, middle, after = views or map(sight, STEPS)
+    return flicker(match_by_depth(middle, before), match_by_depth(middle, after), pictures)
 
 
 @pytest.mark.parametrize(
@@ -80,25 +75,27 @@ def pairs(three):
         ((0, 0, 0.1), 0.1 * np.sqrt(1 / 6)),
     ],
 )
-def test_a_frame_that_stands_out_flickers(three, added, expected):
+def test_a_frame_that_stands_out_flickers(added, expected):
     pictures = [painted(x) + more for x, more in zip(STEPS, added, strict=True)]
-    assert flicker(*pairs(three), pictures) == pytest.approx(expected, abs=1e-9)
+    assert flicker_of(pictures) == pytest.approx(expected, abs=1e-9)
 
 
-def test_noise_drawn_anew_in_each_frame_flickers_by_its_deviation(three):
+def test_noise_drawn_anew_in_each_frame_flickers_by_its_deviation():
+    before, middle, after = map(sight, STEPS)
+    pairs = match_by_depth(middle, before), match_by_depth(middle, after)
     colors = np.random.default_rng(0).normal(0, 0.05, (1000, 3, 1, 1, 3))
-    matched = pairs(three)
-    values = [flicker(*matched, np.broadcast_to(each, (3, SIZE, SIZE, 3))) for each in colors]
+    values = [flicker(*pairs, np.broadcast_to(each, (3, SIZE, SIZE, 3))) for each in colors]
     assert np.sqrt(np.mean(np.square(values))) == pytest.approx(0.05, rel=0.05)
 
 
-def test_only_points_that_all_three_frames_show_flicker(three):
+def test_only_points_that_all_three_frames_show_flicker():
+    three = [sight(x) for x in STEPS]
     three[0].mask[:10], three[2].mask[30:] = False, False
     first, shown, last = (painted(x) for x in STEPS)
     shown[:10], shown[30:] = 1, 1
-    assert flicker(*pairs(three), (first, shown, last)) == pytest.approx(0, abs=1e-9)
+    assert flicker_of((first, shown, last), three) == pytest.approx(0, abs=1e-9)
     three[0].mask[:] = False
-    assert np.isnan(flicker(*pairs(three), (first, shown, last)))
+    assert np.isnan(flicker_of((first, shown, last), three))
 
 
 def test_flow_follows_a_picture_that_moves_and_carries_it_back():
