@@ -156,6 +156,24 @@ def test_messages_with_remedies_are_those_of_the_code():
         assert all(piece.strip(" ,.:%()") in text for piece in sentence.split("...")), sentence
 
 
+def test_readme_and_cells_of_task_pages_are_short():
+    assert len(PROSE["README.md"].split()) <= 700
+    for page in [page for page in PAGES if page.startswith("docs/tasks/")]:
+        rows = [line for line in PROSE[page].splitlines() if line.startswith("|")]
+        assert [cell for row in rows for cell in row.split("|") if len(cell.split()) > 25] == [], page
+
+
+@pytest.mark.parametrize("page", [*FOR_ARTISTS, "docs/presets.md", "docs/limits.md"])
+def test_measured_figures_stand_on_the_benchmark_page_alone(page):
+    text = re.sub(r"<!-- figures.*?<!-- /figures -->", "", PROSE[page], flags=re.DOTALL)
+    assert re.findall(r"\d (?:dB|CIEDE2000|ms|seconds)\b|(?:IoU|PSNR|CIEDE2000) (?:of )?\d|times faster", text) == []
+
+
+def test_every_equation_of_the_paper_has_a_place():
+    rows = re.findall(r"^\| Eq\. (\d+)(?: to (\d+))?", PAGES["docs/paper.md"], re.MULTILINE)
+    assert {n for first, last in rows for n in range(int(first), int(last or first) + 1)} >= set(range(1, 15))
+
+
 def test_the_drawing_of_the_engine_shows_its_floors_from_the_top():
     """The packages' faces are not rooms of the drawing."""
     drawn = re.findall(r'font-weight="bold">(\w+)</text>', (DOCS / "images" / "architecture.svg").read_text())
