@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import os
-import statistics
 import subprocess
-import time
 from contextlib import suppress
-from itertools import pairwise
 
 from karf_engine.capture import open_capture
 from karf_engine.capture.training_images import load_views
@@ -20,13 +18,13 @@ from karf_engine.project.settings import preset
 
 from ..dev import python_of
 from ..metrics.truth import DEMO
-from .demo import Demo
+from .demo import Demo, processor_seconds
 from .sources import ROOT
 from .store import Store
 from .table import Figures, Table
 
 WAYS = {"torch": "off", "compiled kernels (numba)": "on"}  # values of KARF_KERNELS
-LATE, TURNS, PER_TURN = 0.85, 4, 6  # share of the iterations after which they are timed, turns, iterations of each
+FIRST = 3  # steps
 STAGES = {
     "geometry": "learn the geometry (60 photos of 256 pixels)",
     "segmentation": "segment three objects",
@@ -37,25 +35,27 @@ STAGES = {
 SIZES = {"800 x 800": (800, 800), "1920 x 1080": (1920, 1080)}
 
 
-class Clock(Progress):
-    """Progress that notes the processor time of each step and stops after so many."""
+class Steps(Progress):
+    """Progress that cancels a fit after so many steps."""
 
-    def __init__(self, stop_after: int) -> None:
-        super().__init__(lambda *_, **__: None, lambda: len(self.steps) >= stop_after, "geometry", 1)
-        self.steps: list[float] = []
+    def __init__(self, most: float) -> None:
+        super().__init__(lambda *_, **__: None, lambda: self.count >= most, "geometry", 1)
+        self.count = 0
 
     def step(self, count: int = 1, **metrics: float) -> None:
-        self.steps.append(time.process_time())
+        self.count += count
         super().step(count, **metrics)
 
 
 def kernels_table(store: Store) -> Table:
-    """Measure an iteration of geometry late in its training, by torch and by the compiled kernels, in turns."""
+    """Measure learning the demo's geometry by torch and by the compiled kernels."""
+    task = demo_fit(store.threads)
+    for way in WAYS:
+        learn(task, way, FIRST)  # compiles the kernels, and is traced, which the timed runs are not
     with store.trace.paused():
-        milliseconds = iterations(demo_fit(store.threads))
-    slowest = milliseconds["torch"]
-    rows = {way: {"milliseconds": value, "times_faster": slowest / value} for way, value in milliseconds.items()}
-    return Table("an iteration of geometry by", rows)
+        seconds = {way: processor_seconds(lambda way=way: learn(task, way)) for way in WAYS}
+    rows = {way: {"seconds": value, "times_faster": seconds["torch"] / value} for way, value in seconds.items()}
+    return Table("geometry learned by", rows)
 
 
 def demo_fit(threads: int) -> FitTask:
@@ -67,26 +67,13 @@ def demo_fit(threads: int) -> FitTask:
     return make_fit_task(views, images, "opaque", None, settings.geometry, settings.seed, runtime.device)
 
 
-def iterations(task: FitTask) -> dict[str, float]:
-    """Return the median processor milliseconds of an iteration, of each way."""
-    os.environ["KARF_KERNELS"] = "on"
+def learn(task: FitTask, way: str, most: float = math.inf) -> None:
+    """Learn a geometry, or its first steps."""
+    os.environ["KARF_KERNELS"] = WAYS[way]
     fit = task.start(start_runtime(task.seed, task.threads, task.device))
-    late = Clock(int(LATE * fit.iterations))
     with suppress(Cancelled):
-        for _ in fit.scenes(late):
+        for _ in fit.scenes(Steps(most)):
             pass
-    state = {key: value.detach().clone() for key, value in fit.state().items()}
-    seconds: dict[str, list[float]] = {way: [] for way in WAYS}
-    for way in [*WAYS] * TURNS:
-        os.environ["KARF_KERNELS"] = WAYS[way]
-        fit = task.start(start_runtime(task.seed, task.threads, task.device))
-        fit.resume(state)
-        clock = Clock(PER_TURN)
-        with suppress(Cancelled):
-            for _ in fit.scenes(clock):
-                pass
-        seconds[way] += [b - a for a, b in pairwise(clock.steps)]  # the first iteration warms up
-    return {way: 1000 * statistics.median(values) for way, values in seconds.items()}
 
 
 def stages_table(store: Store) -> Table:

@@ -58,5 +58,5 @@ METRICS = {
     "better_on": Metric("better on", "", "captures on which the row's mean is ahead of the first row"),
     "seconds": Metric("CPU s", ".0f", "processor seconds"),
     "milliseconds": Metric("ms", ".1f", "processor milliseconds, median"),
-    "times_faster": Metric("times faster", ".1f", "than the first row, measured in turns in one process"),
+    "times_faster": Metric("times faster", ".1f", "than the first row, measured in one process"),
 }
