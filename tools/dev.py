@@ -1,4 +1,4 @@
-"""Set up, demo, test, bench, build: everything a developer or a curious user runs, with nothing but Python 3.11.
+"""Set up, demo, test, evaluate, build: everything a developer or a curious user runs, with nothing but Python 3.11.
 
     python3 tools/dev.py demo [--out DIR]    the main job on the demo capture, through real Blender
     python3 tools/dev.py test                lint and all tests, in both environments (test -k WORD: engine tests by name)

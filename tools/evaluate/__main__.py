@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from . import pages
-from .jobs import JOBS, with_needed
+from .jobs import JOBS, TABLES, to_run
 from .sources import ROOT, changed
 from .store import Store
 from .table import read, write
@@ -38,7 +38,7 @@ def main() -> int:
         return 0
     if not options.pages:
         store = Store(options.out, options.threads)
-        parts = [name for name in with_needed(options.parts or list(JOBS)) if not is_current(name, store)]
+        parts = to_run(options.parts or [*TABLES], lambda name: is_current(name, store))
         minutes = sum(JOBS[name].minutes for name in parts)
         print(f"{len(parts)} parts, about {minutes / 60:.1f} processor hours: {' '.join(parts)}", flush=True)
         failed = [] if options.plan else run_all(parts, options)

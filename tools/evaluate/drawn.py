@@ -11,15 +11,11 @@ import karf_engine as karf
 
 from ..metrics.scores import mean_mask_scores, score_pictures
 from ..metrics.truth import Truth
+from .jobs import scene_name
 from .judging import baselines, ciede2000_of, outside_of, recolored
 from .store import Store
 from .table import Figures, Table
 from .views import TestViews, learn_again, matted, render_test_views, with_model
-
-
-def scene_name(seed: int) -> str:
-    """Return the name of a drawn scene."""
-    return f"seed_{seed:03d}"
 
 
 def draw_scene(store: Store, seed: int) -> Path:

@@ -13,7 +13,8 @@ import karf_engine as karf
 from ..metrics.truth import DEMO
 from .ablations import ABLATIONS, FULL
 from .demo import F_W, THREE, Demo, ablation, samples_of
-from .drawn import judge_scene, scene_name
+from .drawn import judge_scene
+from .jobs import scene_name
 from .store import Store
 from .table import Figures, Table
 from .views import TestViews, render_test_views, score_palettes_of

@@ -39,7 +39,8 @@ class Job:
         return found if isinstance(found, Table) else None
 
 
-def _drawn(seed: int) -> str:
+def scene_name(seed: int) -> str:
+    """Return the name of a drawn scene."""
     return f"seed_{seed:03d}"
 
 
@@ -51,14 +52,16 @@ JOBS: dict[str, Job] = {
     "consistency": Job(3, "consistency.consistency_table", needs=("demo",)),
     "ablations": Job(4, "ablations.ablations_table", needs=("demo",)),
     "differences": Job(3, "ablations.differences_table", needs=("demo",)),
-    **{_drawn(seed): Job(7, "drawn.judge_scene", (seed,), result=f"{_drawn(seed)}/learned") for seed in SEEDS},
-    "drawn": Job(0.2, "drawn.drawn_table", (SEEDS,), tuple(map(_drawn, SEEDS))),
+    **{scene_name(seed): Job(7, "drawn.judge_scene", (seed,), result=f"{scene_name(seed)}/learned") for seed in SEEDS},
+    "drawn": Job(0.2, "drawn.drawn_table", (SEEDS,), tuple(map(scene_name, SEEDS))),
     **{
-        f"rivals_{seed}": Job(2, "rivals.measuring.measure_rivals", (seed,), (_drawn(seed),), f"{_drawn(seed)}/rivals")
+        f"rivals_{seed}": Job(
+            2, "rivals.measuring.measure_rivals", (seed,), (scene_name(seed),), f"{scene_name(seed)}/rivals"
+        )
         for seed in SEEDS
     },
     "rivals": Job(0.2, "rivals.measuring.rivals_table", (SEEDS,), tuple(f"rivals_{seed}" for seed in SEEDS)),
-    "heads": Job(10, "heads.heads_table", (OF_HEADS,), ("demo", *map(_drawn, OF_HEADS))),
+    "heads": Job(10, "heads.heads_table", (OF_HEADS,), ("demo", *map(scene_name, OF_HEADS))),
     "heads_on_nerf": Job(30, "heads.heads_on_nerf_table"),
     "real": Job(30, "real.real_table"),
     "kernels": Job(3, "speed.kernels_table"),
@@ -68,13 +71,10 @@ JOBS: dict[str, Job] = {
 TABLES = tuple(name for name, job in JOBS.items() if not job.result)
 
 
-def with_needed(names: list[str]) -> list[str]:
-    """Return these parts and all that they need, in an order in which they can run."""
-    wanted: set[str] = set()
-    waiting = list(names)
-    while waiting:
-        name = waiting.pop()
-        if name not in wanted:
-            wanted.add(name)
-            waiting += JOBS[name].needs
+def to_run(names: list[str], is_current: Callable[[str], bool]) -> list[str]:
+    """Return which of these parts, and of those that they need, are not current, in an order in which they can run."""
+    wanted = {name for name in names if not is_current(name)}
+    for name in reversed(JOBS):  # what a part needs stands before it
+        if name in wanted:
+            wanted |= {need for need in JOBS[name].needs if not is_current(need)}
     return [name for name in JOBS if name in wanted]

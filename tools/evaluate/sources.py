@@ -79,8 +79,10 @@ class Trace:
     def paused(self) -> Iterator[None]:
         """Do not trace within: for what is timed."""
         self.stop()
-        yield
-        self.start()
+        try:
+            yield
+        finally:
+            self.start()
 
     def modules(self) -> set[str]:
         """Return the traced modules of this repository, and those whose constants or kernels they take."""

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from tools.evaluate import pages, sources, table
-from tools.evaluate.jobs import JOBS, TABLES, with_needed
+from tools.evaluate.jobs import JOBS, TABLES, to_run
 from tools.evaluate.store import Store
 from tools.metrics import METRICS
 from tools.metrics.truth import Truth
@@ -103,10 +103,15 @@ def test_a_result_is_made_once_and_again_when_its_modules_change(tmp_path):
 
 
 def test_parts_come_after_what_they_need():
-    order = with_needed(list(JOBS))
+    order = to_run(list(JOBS), lambda name: False)
     assert order == list(JOBS)
     assert all(order.index(need) < order.index(name) for name, job in JOBS.items() for need in job.needs)
-    assert with_needed(["outside"]) == ["demo", "outside"]
+    assert to_run(["outside"], lambda name: False) == ["demo", "outside"]
+
+
+def test_a_current_table_is_not_measured_again_nor_what_it_needs():
+    assert to_run(["outside", "edits"], lambda name: name == "outside") == ["demo", "edits"]
+    assert to_run(["outside"], lambda name: name == "outside") == []
 
 
 def test_cells_are_shown_in_their_metrics_format_and_missing_ones_empty(monkeypatch):

@@ -17,7 +17,8 @@ from karf_engine.recolor.model import Model
 
 from ...metrics.scores import score_masks, score_recolor
 from ...metrics.truth import Truth
-from ..drawn import draw_scene, judge_scene, scene_name
+from ..drawn import draw_scene, judge_scene
+from ..jobs import scene_name
 from ..store import Store
 from ..table import Figures, Table
 from ..views import TestViews, learn_again, with_model
