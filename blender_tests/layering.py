@@ -1,4 +1,4 @@
-"""Whether a package's imports run down from floor to floor, never up, aside or in a circle.
+"""Check that a package's imports run down from floor to floor, never up, aside or in a circle.
 
 A room is a folder or file directly in the package's folder; a table lists the rooms of each floor, from the ground up.
 """
