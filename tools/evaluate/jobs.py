@@ -45,6 +45,8 @@ def scene_name(seed: int) -> str:
 
 
 JOBS: dict[str, Job] = {
+    "heads_on_nerf": Job(30, "heads.heads_on_nerf_table"),  # the longest stand first
+    "real": Job(30, "real.real_table"),
     "demo": Job(4, "demo.Demo", result="demo"),
     "segmentation": Job(6, "segmentation.segmentation_table", needs=("demo",)),
     "outside": Job(1, "edits.outside_table", needs=("demo",)),
@@ -62,8 +64,6 @@ JOBS: dict[str, Job] = {
     },
     "rivals": Job(0.2, "rivals.measuring.rivals_table", (SEEDS,), tuple(f"rivals_{seed}" for seed in SEEDS)),
     "heads": Job(10, "heads.heads_table", (OF_HEADS,), ("demo", *map(scene_name, OF_HEADS))),
-    "heads_on_nerf": Job(30, "heads.heads_on_nerf_table"),
-    "real": Job(30, "real.real_table"),
     "kernels": Job(3, "speed.kernels_table"),
     "stages": Job(0.1, "speed.stages_table", needs=("demo",)),
     "swatch": Job(1, "speed.swatch_table"),

@@ -12,7 +12,6 @@ import numpy as np
 from karf_engine.io.color import srgb_to_linear
 
 DEMO = Path(__file__).resolve().parents[2] / "demo"
-DEPTH_UNIT, NO_DEPTH = 0.001, 65535  # of depth files
 CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor differs by more, sRGB
 PAINT_ANGLE = 15.0  # degrees at least between the changes of two paints in linear light
 PAINT_SHARE = 0.1  # of the changed pixels at least, of each paint
@@ -46,11 +45,6 @@ class Truth:
     def recolored(self, edit: str) -> list[np.ndarray]:
         """True recolors of the test views; of a matte capture over white, as renderings are."""
         return [_over_white(path) for path in sorted((self.folder / "recolor" / edit / "test").glob("*.png"))]
-
-    def depths(self) -> list[np.ndarray]:
-        """Depth of the test views along the camera's axis, in the capture's unit, float32 [H, W]; 0 where nothing is."""
-        steps = [iio.imread(path) for path in sorted((self.folder / "depth" / "test").glob("*.png"))]
-        return [np.where(each == NO_DEPTH, 0, each * DEPTH_UNIT).astype(np.float32) for each in steps]
 
     def color_pair(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
         """What an eyedropper reads in the one training view whose recolor is known: median color before and after.
