@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from ..errors import DataError
 from ..io.files import check_file, refusing_unreadable
 from ..io.image_size import LFS_POINTER, image_header
+from ..io.matching import is_photo
 from ..io.names import case_folded, file_name
 from .camera import LARGEST_POSITION, Camera, is_rigid
 from .capture import View
 
-PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".tif", ".tiff", ".bmp", ".exr")
 LENS_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
 UNIT_TOLERANCE = 1e-5  # deviation of a scale from 1 that single precision explains
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 # ---------------------------------------------------------------------------------------------------------------- files
@@ -75,7 +78,7 @@ def photos_in(folder: Path) -> list[Path]:
     """Return the photos directly in a folder, sorted; none if the folder is missing."""
     if not folder.is_dir():
         return []
-    files = (path for path in folder.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES and path.name[0] != ".")
+    files = (path for path in folder.iterdir() if is_photo(path) and path.name[0] != ".")
     return sorted(path for path in files if path.is_file())
 
 
@@ -139,6 +142,25 @@ def unique_names(stems: list[tuple[str, str]]) -> list[str]:
         taken.add(case_folded(name))
         names.append(name)
     return names
+
+
+def read_each(items: Sequence[T], read: Callable[[T], R], skip: bool) -> tuple[list[R], list[str]]:
+    """Read every photo's entry; with `skip`, leave out those with an error, and return a remark that counts them.
+
+    Raises the first DataError without `skip`, or if no entry can be read: the fault is in all of them.
+    """
+    results: list[R] = []
+    errors: list[DataError] = []
+    for item in items:
+        try:
+            results.append(read(item))
+        except DataError as error:
+            errors.append(error)
+            if not skip:
+                break
+    if errors and not (skip and results):
+        raise errors[0]
+    return results, [f"{len(errors)} of {len(items)} photos were left out: {errors[0].sentence}"] if errors else []
 
 
 def merge_notes(notes: Iterable[str]) -> list[str]:

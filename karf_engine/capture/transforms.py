@@ -16,7 +16,7 @@ import math
 import os
 from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -24,18 +24,19 @@ import numpy as np
 
 from ..errors import DataError
 from ..io.files import read_json, write_json
+from ..io.matching import FileFinder, find_entry, is_photo
 from .camera import LARGEST_SIDE, Camera, check_camera, read_camera
 from .capture import SPLITS, Capture, CapturedSplats, SparsePoints, View
 from .reader_utils import (
     FISHEYE_KEYS,
     LENS_KEYS,
-    PHOTO_SUFFIXES,
     at_size,
     exists,
     make_views,
     merge_notes,
     opencv_distortion,
     photo_size,
+    read_each,
     rigid_pose,
 )
 from .sparse_points import read_points
@@ -50,12 +51,12 @@ MOST_PARTS = 32  # trailing path components to try in searches for photos
 def is_nerf_synthetic(path: Path) -> bool:
     """Test whether `path` is a folder with transforms_train.json, or a split file beside it."""
     folder = path if path.is_dir() else path.parent if path.name in SYNTHETIC_FILES else None
-    return folder is not None and (folder / "transforms_train.json").is_file()
+    return folder is not None and find_entry(folder, "transforms_train.json").is_file()
 
 
 def is_transforms(path: Path) -> bool:
     """Test whether `path` is a folder with transforms.json, or any JSON file."""
-    return (path / "transforms.json").is_file() or (path.is_file() and path.suffix.lower() == ".json")
+    return find_entry(path, "transforms.json").is_file() or (path.is_file() and path.suffix.lower() == ".json")
 
 
 def read_nerf_synthetic(path: Path, photos: bool) -> Capture:
@@ -66,8 +67,8 @@ def read_nerf_synthetic(path: Path, photos: bool) -> Capture:
     if path.is_file() and not photos:
         return read_transforms(path, photos)
     folder = path if path.is_dir() else path.parent
-    files = [(folder / name, split) for name, split in SYNTHETIC_FILES.items() if (folder / name).is_file()]
-    return _read(path, "nerf-synthetic", files, photos)
+    files = [(find_entry(folder, name), split) for name, split in SYNTHETIC_FILES.items()]
+    return _read(path, "nerf-synthetic", [entry for entry in files if entry[0].is_file()], photos)
 
 
 def read_transforms(path: Path, photos: bool) -> Capture:
@@ -76,15 +77,20 @@ def read_transforms(path: Path, photos: bool) -> Capture:
     With `photos`, frames without one are skipped with a remark, and sizes are those of the photos; else the file must
     declare sizes. Raises DataError if the file is damaged, or no photo is found.
     """
-    file = path if path.is_file() else path / "transforms.json"
+    file = path if path.is_file() else find_entry(path, "transforms.json")
     return _read(path, "transforms", [(file, SYNTHETIC_FILES.get(file.name, ""))], photos)
 
 
 def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos: bool) -> Capture:
-    per_file = [_read_frames(file, split) for file, split in files]
+    remarks: list[str] = []
+    per_file = []
+    for file, split in files:
+        group, frame_remarks = _read_frames(file, split, skip=photos)
+        per_file.append(group)
+        remarks += frame_remarks
     frames = [frame for group in per_file for frame in group]
     if not photos:
-        return Capture(source.absolute(), format_name, tuple(_views([(frame, None) for frame in frames])[0]))
+        return Capture(source.absolute(), format_name, tuple(_views([(frame, None) for frame in frames], False)[0]))
     points, point_remarks = _points(frames[0])
     splats = _splats(frames[0])
     images = [image for group in per_file for image in _find_photos(group)]
@@ -100,11 +106,11 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
             first=first,
             folder=frames[0].file.parent,
         )
-    views, remarks = _views(pairs)
     if missing:
         first = missing[0].fields["file_path"][:200]
-        remarks.insert(0, f"{len(missing)} of {len(frames)} photos are missing and were skipped; the first is {first}.")
-    remarks += point_remarks
+        remarks.append(f"{len(missing)} of {len(frames)} photos are missing and were skipped; the first is {first}.")
+    views, view_remarks = _views(pairs, True)
+    remarks += view_remarks + point_remarks
     return Capture(source.absolute(), format_name, tuple(views), tuple(remarks), points, splats=splats)
 
 
@@ -137,14 +143,18 @@ def _file_beside(frame: _Frame, key: str) -> Path | None:
     return frame.file.parent.joinpath(*PurePosixPath(name.replace("\\", "/")).parts)
 
 
-def _views(pairs: Sequence[tuple[_Frame, Path | None]]) -> tuple[list[View], list[str]]:
-    """Return the views in frame order, and merged notes about their cameras."""
-    cameras = [_camera(frame, image) for frame, image in pairs]
-    images = [image for _, image in pairs]
-    stems = [_stem(frame, image) for frame, image in pairs]
-    splits = [frame.split or "train" for frame, _ in pairs]
-    views = make_views([camera for camera, _ in cameras], images, stems, splits)
-    return views, merge_notes(note for _, notes in cameras for note in notes)
+def _views(pairs: Sequence[tuple[_Frame, Path | None]], skip: bool) -> tuple[list[View], list[str]]:
+    """Return the views in frame order, without damaged ones if `skip`, and merged notes about their cameras."""
+
+    def read(pair: tuple[_Frame, Path | None]) -> tuple[_Frame, Path | None, Camera, list[str]]:
+        return *pair, *_camera(*pair)
+
+    entries, remarks = read_each(pairs, read, skip)
+    stems = [image.stem if image else _bare_stem(frame) for frame, image, _, _ in entries]
+    splits = [frame.split or "train" for frame, *_ in entries]
+    views = make_views([entry[2] for entry in entries], [entry[1] for entry in entries], stems, splits)
+    views = [replace(view, mask=frame.mask) for view, (frame, *_) in zip(views, entries, strict=True)]
+    return views, remarks + merge_notes(note for *_, notes in entries for note in notes)
 
 
 # --------------------------------------------------------------------------------------------------------------- frames
@@ -157,6 +167,12 @@ class _Frame:
     parts: tuple[str, ...]  # path components of its `file_path`
     fields: Mapping[str, Any]  # override the file's global fields
     split: str  # empty if the file declares none
+
+    @property
+    def mask(self) -> str:
+        """The file name of nerfstudio's `mask_path`, or an empty string."""
+        path = self.fields.get("mask_path")
+        return PurePosixPath(path.replace("\\", "/")).name if isinstance(path, str) else ""
 
     @property
     def label(self) -> str:
@@ -183,8 +199,8 @@ class _Frame:
         return value
 
 
-def _read_frames(file: Path, split: str) -> list[_Frame]:
-    """Read all frames of a transforms file; an empty `split` means those that the file declares."""
+def _read_frames(file: Path, split: str, skip: bool) -> tuple[list[_Frame], list[str]]:
+    """Read all frames of a transforms file; an empty `split` means those that the file declares. See `read_each`."""
     content = read_json(file, "cameras")
     if not isinstance(content, dict):
         raise DataError(f"{file} holds a JSON {type(content).__name__}, not an object.", "Give a transforms.json file.")
@@ -194,15 +210,16 @@ def _read_frames(file: Path, split: str) -> list[_Frame]:
     shared = {key: value for key, value in content.items() if key != "frames"}
     lists = {name: shared.get(f"{name}_filenames") for name in SPLITS}  # nerfstudio's
     declared = {str(path): name for name, paths in lists.items() if isinstance(paths, list) for path in paths}
-    frames = []
-    for index, entry in enumerate(entries):
+
+    def read(numbered: tuple[int, Any]) -> _Frame:
+        index, entry = numbered
         file_path = entry.get("file_path") if isinstance(entry, dict) else None
         path = PurePosixPath(file_path.replace("\\", "/")) if isinstance(file_path, str) else PurePosixPath()
         if not isinstance(file_path, str) or not path.name:
             raise DataError(f"{file}, frame {index} has no file_path.", "Write the photo's path into the frame.")
-        frame_split = split or declared.get(file_path, "")
-        frames.append(_Frame(file, index, path.parts, ChainMap(entry, shared), frame_split))
-    return frames
+        return _Frame(file, index, path.parts, ChainMap(entry, shared), split or declared.get(file_path, ""))
+
+    return read_each(list(enumerate(entries)), read, skip)
 
 
 def _camera(frame: _Frame, image: Path | None) -> tuple[Camera, list[str]]:
@@ -279,21 +296,20 @@ def _pose(frame: _Frame) -> tuple[np.ndarray, list[str]]:
 
 
 # --------------------------------------------------------------------------------------------------------------- photos
-def _stem(frame: _Frame, image: Path | None) -> str:
-    if image:
-        return image.stem
+def _bare_stem(frame: _Frame) -> str:
     name = PurePosixPath(frame.parts[-1])
-    return name.stem if name.suffix.lower() in PHOTO_SUFFIXES else name.name
+    return name.stem if is_photo(name) else name.name
 
 
 def _find_photos(frames: list[_Frame]) -> list[Path | None]:
     """Return the photo of each frame, all from the first location with any: others may have those of another split."""
     folder = frames[0].file.parent
     longest = max(len(frame.parts) for frame in frames)
-    for root, n_parts in _search_locations(folder, longest):
-        photos = [_existing(root.joinpath(*frame.parts[-n_parts:])) for frame in frames]
-        if any(photos):
-            return photos
+    for rule in (FileFinder.exact, FileFinder.matches):
+        for root, n_parts in _search_locations(folder, longest):
+            finder, paths = FileFinder(root), [PurePosixPath(*frame.parts[-n_parts:]) for frame in frames]
+            if any(rule(finder, path) for path in paths):
+                return [finder.find(path) for path in paths]
     return [None] * len(frames)
 
 
@@ -305,11 +321,6 @@ def _search_locations(folder: Path, longest: int) -> Iterator[tuple[Path, int]]:
             yield child, 0
     for n_parts in range(min(longest - 1, MOST_PARTS), 0, -1):
         yield folder, n_parts
-
-
-def _existing(path: Path) -> Path | None:
-    candidates = (Path(f"{path}{suffix}") for suffix in ("", *PHOTO_SUFFIXES))
-    return next((candidate for candidate in candidates if exists(candidate)), None)
 
 
 # -------------------------------------------------------------------------------------------------------------- writers
