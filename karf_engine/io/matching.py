@@ -17,7 +17,8 @@ from pathlib import Path, PurePosixPath
 from ..errors import DataError
 from .names import case_folded
 
-PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".exr", ".heic", ".heif", ".avif")
+HEIC_SUFFIXES = (".heic", ".heif")
+PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".exr", *HEIC_SUFFIXES, ".avif")
 ANY_SUFFIX = re.compile(r"\.[a-z][a-z0-9]{1,4}$", re.IGNORECASE)  # not the number of a frame
 REDUCED = re.compile(r"_(\d+)$")  # images_4: photos at a quarter of their size
 MASK_ENDINGS = ("_mask", ".mask", "-mask")
@@ -75,7 +76,7 @@ class FileFinder:
         folder = self.root.joinpath(*path.parts[:-1])
         listing = self._listing(folder)
         if path.name in listing.files:
-            return folder / path.name
+            return listing.readable_copy(path.name) or folder / path.name
         continued = [] if is_photo(path) else listing.photos.get(case_folded(path.name), [])
         return continued[0] if len(continued) == 1 else None
 
@@ -136,6 +137,13 @@ class _Listing:
         """Photos by case-folded stem; hidden ones are left out."""
         paths = (self.folder / name for name in sorted(self.files) if not name.startswith("."))
         return _grouped((case_folded(path.stem), path) for path in paths if is_photo(path))
+
+    def readable_copy(self, name: str) -> Path | None:
+        """Return the JPEG beside a HEIC photo, which every program reads; None if there is none."""
+        if not name.lower().endswith(HEIC_SUFFIXES):
+            return None
+        copies = self.photos.get(case_folded(photo_stem(name)), [])
+        return next((path for path in copies if path.suffix.lower() in (".jpg", ".jpeg")), None)
 
     def reduced(self, name: str) -> Path | None:
         """Return the folder `name`_N with the smallest N."""

@@ -31,6 +31,7 @@ from ..capture.camera import Camera, wrong_size_error
 from ..io.color import srgb_to_linear, to_bytes
 from ..io.color_spaces import ColorSpace
 from ..io.files import atomic_write, library_path
+from ..io.icc import Space
 from ..io.image_size import ImageHeader, find_header
 from ..io.images import (
     INVERSE_EXIF_ORIENTATION,
@@ -39,6 +40,7 @@ from ..io.images import (
     convert_to_srgb,
     decoding,
     display_colors,
+    embedded_space,
     encode_image,
     paste,
     read_light,
@@ -80,7 +82,7 @@ class StoredPhoto:
     header: ImageHeader
     pixels: np.ndarray  # [H, W, 3 or 4], of an EXR also 1: uint8, uint16, float32 or float16
     channels: str = ""  # name of an EXR's channels
-    space: ColorSpace | None = None  # of the stored colors; None: as above
+    space: ColorSpace | Space | None = None  # of the stored colors; None: as above
 
     @property
     def size(self) -> tuple[int, int]:
@@ -172,7 +174,7 @@ class StoredPhoto:
 def open_photo(path: Path, space: ColorSpace | None = None) -> StoredPhoto:
     """Read a photo as stored in its file. Formats and errors are those of `images.read_photo`.
 
-    space: of the file; None: sRGB, of EXR linear light with its primaries.
+    space: of the file; None: that of its ICC profile, without one sRGB, of EXR linear light with its primaries.
     """
     with decoding(path):
         header = find_header(path)
@@ -187,7 +189,7 @@ def open_photo(path: Path, space: ColorSpace | None = None) -> StoredPhoto:
         pixels = pixels.astype(np.float32)
     if pixels.ndim == 2 or pixels.shape[-1] == 1:
         pixels = np.repeat(np.atleast_3d(pixels), 3, -1)
-    return StoredPhoto(path, header, pixels, space=space)
+    return StoredPhoto(path, header, pixels, space=space or embedded_space(path))
 
 
 def from_camera(grid: np.ndarray, orientation: int) -> np.ndarray:
