@@ -199,6 +199,21 @@ def with_split(capture: Capture, names: Collection[str], split: str) -> Capture:
     )
 
 
+def leave_out(capture: Capture, names: Collection[str]) -> Capture:
+    """Move photos to the split `val`: nothing is learned from them, they can still be recolored.
+
+    Raises DataError if there is no view of a name.
+    """
+    return with_split(capture, [capture.view(name).name for name in names], "val")
+
+
+def without_views(capture: Capture, names: Collection[str]) -> Capture:
+    """Remove the views of these names, and their observations of sparse points."""
+    kept = [number for number, view in enumerate(capture.views) if view.name not in names]
+    points = None if capture.points is None else capture.points.seen_by(kept)
+    return replace(capture, views=tuple(capture.views[number] for number in kept), points=points)
+
+
 def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, Any]:
     """Convert a capture to its canonical JSON, with paths relative to `folder` besides the absolute ones."""
     splats, schema = None, SCHEMA  # the oldest that can represent the capture

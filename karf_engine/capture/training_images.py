@@ -45,6 +45,23 @@ def load_views(views: Sequence[View], long_side: int) -> list[TrainingImage]:
     return [_load_view(view, long_side) for view in views]
 
 
+def load_readable_views(views: Sequence[View], long_side: int) -> tuple[list[TrainingImage], dict[str, DataError]]:
+    """Load as `load_views`, but return the errors of photos that cannot be read, by view name.
+
+    Raises the first error if no photo can be read.
+    """
+    images: list[TrainingImage] = []
+    errors: dict[str, DataError] = {}
+    for view in views:
+        try:
+            images.append(_load_view(view, long_side))
+        except DataError as error:
+            errors[view.name] = error
+    if errors and not images:
+        raise next(iter(errors.values()))
+    return images, errors
+
+
 def _load_view(view: View, long_side: int) -> TrainingImage:
     photo = read_photo_of_view(view)
     camera = view.camera

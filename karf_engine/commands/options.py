@@ -147,6 +147,12 @@ class GeometryOptions(Options):
         None,
         metavar="N",
     )
+    without: tuple[str, ...] | None = option(
+        "learn without these photos, by the names of their views, unless they are marked; may be repeated, '' for none "
+        "(default: as the project was learned)",
+        None,
+        metavar="VIEW",
+    )
     photo_space: str | None = option(
         "color space that the photos' files are in, by its name in the OpenColorIO configuration, as ACEScg; recolored "
         "photos are written in it (default: as the project was learned, else sRGB, of EXR linear Rec. 709)",
