@@ -41,6 +41,7 @@ INVERSE_EXIF_ORIENTATION = {6: 8, 8: 6}  # inverse Exif orientations; all others
 MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # more, because drawings compress well
 
 Image.MAX_IMAGE_PIXELS = MOST_PIXELS  # `check_pixels` comes first
+pillow_heif.register_heif_opener()
 cv2.setNumThreads(1)  # its threads would compete with torch's
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
@@ -100,8 +101,6 @@ def read_pixels(
         check_pixels(path, *header.stored_size, min_pixel_limit, header.depth)
         if header.kind == "exr":
             return display_colors(read_light(path, header)[0].astype(np.float32, copy=False), space), header
-        if header.kind in ("heic", "avif"):
-            pillow_heif.register_heif_opener()
         pixels = _read_deep(path) if header.deep else _read_plain(path, upright, min_pixel_limit)
     if header.kind == "tiff":  # decoders apply its orientation always
         orientation = 1 if upright else INVERSE_EXIF_ORIENTATION.get(header.orientation, header.orientation)
