@@ -1,8 +1,8 @@
 """Image sizes from file headers, with the standard library only. Sizes are (width, height) in pixels.
 
 Reads PNG (IHDR, eXIf), JPEG (ITU T.81, SOFn segments), Exif 2.3 orientation, WebP (VP8, VP8L and VP8X chunks), TIFF 6.0
-(first directory), Windows bitmaps, OpenEXR (displayWindow), and HEIC and AVIF (ISO/IEC 23008-12, the properties ispe and
-irot of the primary item).
+(first directory), Windows bitmaps, OpenEXR (displayWindow), and HEIC and AVIF (ISO/IEC 23008-12, the properties ispe,
+irot and imir of the primary item).
 """
 
 from __future__ import annotations
@@ -29,6 +29,11 @@ MOST_PIXELS_PER_BYTE = 50
 KINDS = "PNG, JPEG, WebP, TIFF, BMP, EXR, HEIC or AVIF"
 HEIF_BRANDS = {b"avif": "avif", b"avis": "avif", b"heic": "heic", b"heix": "heic", b"mif1": "heic", b"msf1": "heic"}
 RAW_SUFFIXES = (".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw", ".3fr")
+ORIENTATIONS = {
+    None: (1, 8, 3, 6),
+    0: (4, 5, 2, 7),
+    1: (2, 7, 4, 5),
+}  # of Exif, by HEIF's mirror axis and quarter turns
 OTHER_KINDS = {  # first bytes: what the file is
     b"GIF8": "a GIF",
     b"8BPS": "a Photoshop document",
@@ -313,8 +318,10 @@ def _heif_header(stream: BinaryIO) -> ImageHeader | None:
     stored = list(_boxes(properties.get(b"ipco", b"")))
     own = dict(stored[n - 1] for n in _associations(properties.get(b"ipma", b""), item) if 0 < n <= len(stored))
     width, height = struct.unpack_from(">II", own.get(b"ispe", b""), 4)
-    is_turned = own.get(b"irot", b"\0")[0] % 2 == 1  # decoders apply it
-    return ImageHeader(height, width, kind=kind) if is_turned else ImageHeader(width, height, kind=kind)
+    turns, mirror = own.get(b"irot", b"\0")[0] % 4, own[b"imir"][0] % 2 if b"imir" in own else None
+    if kind == "heic" and turns % 2 == 1:  # its decoder turns the pixels; that of AVIF gives an orientation
+        width, height = height, width
+    return ImageHeader(width, height, 1 if kind == "heic" else ORIENTATIONS[mirror][turns], kind)
 
 
 def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
