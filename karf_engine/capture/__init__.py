@@ -17,6 +17,10 @@ from .camera import Camera
 from .capture import SPLITS, Capture, View, hold_out, in_space
 from .colmap import is_colmap, read_colmap
 from .llff import is_llff, read_llff
+from .metashape import is_metashape, read_metashape
+from .opensfm import is_opensfm, read_opensfm
+from .phone_scans import is_polycam, is_record3d, read_polycam, read_record3d
+from .realityscan import is_realityscan, read_realityscan
 from .transforms import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
 
 __all__ = [
@@ -129,8 +133,13 @@ def slice_of_views(views: Sequence, first: int | None, last: int | None, count: 
 
 
 FORMATS = [
+    Format("opensfm", "reconstruction.json", "it has the lenses", is_opensfm, read_opensfm),
+    Format("polycam", "keyframes/", "it has the app's own cameras", is_polycam, read_polycam),
+    Format("record3d", "metadata and rgb/", "it has the app's own cameras", is_record3d, read_record3d),
     Format("nerf-synthetic", "transforms_train.json", "it declares the splits", is_nerf_synthetic, read_nerf_synthetic),
     Format("transforms", "transforms.json", "it is made from such files", is_transforms, read_transforms),
     Format("colmap", "sparse/", "it has the lenses and points that others leave out", is_colmap, read_colmap),
+    Format("metashape", "cameras.xml", "it has all lenses", is_metashape, read_metashape),
+    Format("realityscan", "cameras.csv or .xmp files", "it has all lenses", is_realityscan, read_realityscan),
     Format("llff", "poses_bounds.npy", "", is_llff, read_llff),
 ]

@@ -18,7 +18,17 @@ from ..io.matching import FileFinder, find_entry
 from .camera import LARGEST_POSITION, Camera, read_camera
 from .capture import Capture, SparsePoints
 from .colmap_model import Image, Intrinsics, Points, count_images, read_cameras, read_images, read_points
-from .reader_utils import at_photo, make_views, merge_notes, opencv_distortion, photos_in, read_each
+from .radial_lenses import division, field_of_view, fit_fisheye, unified
+from .reader_utils import (
+    at_photo,
+    make_views,
+    merge_notes,
+    opencv_distortion,
+    photos_in,
+    pose_of_opencv,
+    read_each,
+    rotation_of_quaternion,
+)
 
 MODEL_FOLDERS = ("sparse", "colmap/sparse", "dense/sparse", ".", "colmap", "dense")
 PHOTO_FOLDERS = ("images", "input", "rgb", "photos")
@@ -27,6 +37,12 @@ MODEL_FILES = {f"{table.lower()}{suffix}" for table in (*TABLES, "rigs", "frames
 IDENTIFYING_FILES = ("cameras.bin", "images.bin", "cameras.txt")  # an images.txt may be any list of images
 PINHOLES = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
 FISHEYES = ("SIMPLE_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE")
+RADIAL = {  # converted to fisheye models
+    "FOV": lambda values: field_of_view(values["omega"]),
+    "SIMPLE_DIVISION": lambda values: division(values["k"]),
+    "DIVISION": lambda values: division(values["k"]),
+    "EUCM": lambda values: unified(values["alpha"], values["beta"]),
+}
 
 
 def is_colmap(path: Path) -> bool:
@@ -134,15 +150,23 @@ def _camera(image: Image, source: Intrinsics, label: str) -> Camera:
     """Return the camera of an image at its declared size."""
     if not np.abs(image.pixels).max(initial=0) <= LARGEST_POSITION:
         raise DataError(f"{label} has features that are not finite.", "Export the model again.")
-    if source.model not in PINHOLES + FISHEYES:
+    if source.model not in (*PINHOLES, *FISHEYES, *RADIAL):
         raise DataError(
             f"{label} was taken by a {source.model} camera, which is not supported.",
             "Undistort the photos with COLMAP (image_undistorter), or use OPENCV or OPENCV_FISHEYE cameras.",
         )
     values = source.parameters
     fx, fy = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
-    fisheye = source.model in FISHEYES
-    lens = fx, fy, values["cx"], values["cy"], _camera_to_world(image.pose, label), opencv_distortion(values, fisheye)
+    fisheye = source.model not in PINHOLES
+    if source.model in RADIAL:
+        corner = np.hypot(
+            max(values["cx"], source.width - values["cx"]), max(values["cy"], source.height - values["cy"])
+        )
+        factor, distortion = fit_fisheye(RADIAL[source.model](values), corner / min(fx, fy))
+        fx, fy = factor * fx, factor * fy
+    else:
+        distortion = opencv_distortion(values, fisheye)
+    lens = fx, fy, values["cx"], values["cy"], _camera_to_world(image.pose, label), distortion
     hint = "Export the model again, or leave this image out."
     return read_camera(label, source.width, source.height, *lens, fisheye, hint=hint)
 
@@ -151,18 +175,7 @@ def _camera_to_world(pose: np.ndarray, label: str) -> np.ndarray:
     """Invert a pose (quaternion w x y z, translation), and flip y and z of the camera."""
     if not np.abs(pose).max() <= LARGEST_POSITION or np.linalg.norm(pose[:4]) < 1e-9:
         raise DataError(f"{label} has a pose that is not a rotation and position.", "Leave this image out.")
-    w, x, y, z = pose[:4] / np.linalg.norm(pose[:4])
-    to_camera = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    camera_to_world = np.eye(4)
-    camera_to_world[:3, :3] = to_camera.T * (1, -1, -1)
-    camera_to_world[:3, 3] = -to_camera.T @ pose[4:]
-    return camera_to_world
+    return pose_of_opencv(rotation_of_quaternion(*pose[:4]), pose[4:])
 
 
 # --------------------------------------------------------------------------------------------------------------- photos

@@ -66,6 +66,33 @@ def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, l
     return unscaled, [f"the rotation had a scale of {scale:.6g}, which was removed."]
 
 
+def pose_of_opencv(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """Convert a pose from world to a camera with axes right, down and forward to camera_to_world [4, 4]."""
+    camera_to_world = np.eye(4)
+    camera_to_world[:3, :3] = rotation.T * (1, -1, -1)
+    camera_to_world[:3, 3] = -rotation.T @ translation
+    return camera_to_world
+
+
+def rotation_of_quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
+    """Return the rotation matrix [3, 3] of a quaternion of any length but 0."""
+    w, x, y, z = np.array([w, x, y, z]) / np.linalg.norm([w, x, y, z])
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def rotation_of_vector(vector: np.ndarray) -> np.ndarray:
+    """Return the rotation matrix [3, 3] of a vector along its axis, as long as its angle in radians."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector / max(angle, 1e-12) * np.sin(angle / 2)
+    return rotation_of_quaternion(float(np.cos(angle / 2)), x, y, z)
+
+
 def opencv_distortion(coefficients: Mapping[str, float], fisheye: bool) -> tuple[float, ...]:
     """Convert coefficients by OpenCV's names, 0 if absent, to the shortest equivalent `Camera.distortion`."""
     values = [float(coefficients.get(key, 0.0)) for key in (FISHEYE_KEYS if fisheye else LENS_KEYS)]
