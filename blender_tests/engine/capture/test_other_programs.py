@@ -169,6 +169,12 @@ def rig_of(distortion, fisheye, has_one_focal):
     ]
 
 
+@pytest.mark.opens("capture", "Metashape 1.5 to 2.2", "XML of *Export Cameras*", "frame and fisheye lenses")
+@pytest.mark.opens("capture", "RealityScan, RealityCapture", "`.xmp` beside the photos", "Brown and division lenses")
+@pytest.mark.opens("capture", "RealityScan, RealityCapture", "CSV of internal/external parameters", "Brown lenses")
+@pytest.mark.opens("capture", "OpenSfM, OpenDroneMap", "`reconstruction.json`", "perspective, Brown, fisheye lenses")
+@pytest.mark.opens("capture", "Polycam", "raw data, `keyframes/`", "corrected cameras where there are some")
+@pytest.mark.opens("capture", "Record3D", "`metadata` and `rgb/`", "one lens, or one for each photo")
 @pytest.mark.parametrize(("write", "name", "place", "photos", "distortion", "fisheye"), CASES)
 def test_cameras_come_back(tmp_path, write, name, place, photos, distortion, fisheye):
     rig = rig_of(distortion, fisheye, name == "realityscan")

@@ -34,6 +34,7 @@ def test_a_turned_heic_photo_has_the_size_of_its_pixels(pixels, tmp_path):
     assert np.abs(read_photo(tmp_path / "a.heic") - np.rot90(pixels) / 255).mean() < 0.02
 
 
+@pytest.mark.opens("photo", "phones", "HEIC, HEIF, AVIF", "turned, in tiles, with a profile")
 @pytest.mark.parametrize(("name", "orientations"), [("a.heic", [1]), ("a.HEIF", [1]), ("a.avif", range(1, 9))])
 def test_size_and_pixels_are_those_of_the_upright_photo(name, orientations, pixels, tmp_path):
     for orientation in orientations:
