@@ -46,12 +46,15 @@ cv2.setNumThreads(1)  # its threads would compete with torch's
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
-def read_photo(path: Path, upright: bool = True, space: ColorSpace | None = None) -> np.ndarray:
+def read_photo(
+    path: Path, upright: bool = True, space: ColorSpace | None = None, by_profile: bool = True
+) -> np.ndarray:
     """Read an image of any kind that Pillow, OpenCV or OpenEXR reads.
 
     Gray and palette images become RGB; 16-bit images keep their precision. EXR files, which hold premultiplied linear light,
     become clipped sRGB on their display window. `upright` applies the Exif orientation. `space` is that of the file; None:
-    that of its ICC profile, without one sRGB, for EXR linear light with its primaries.
+    that of its ICC profile, without one sRGB, for EXR linear light with its primaries. Without `by_profile` the colors stay
+    in `embedded_space(path)`, for callers that convert them after making the photo smaller.
 
     Returns sRGB float32 [H, W, 3 or 4] in [0, 1] with straight alpha. Raises DataError if the file is missing, damaged, not
     an image or too large.
@@ -63,7 +66,7 @@ def read_photo(path: Path, upright: bool = True, space: ColorSpace | None = None
         colors[..., :3] = unpremultiply(colors)
     if header.kind == "exr":  # its colors are converted already
         return colors
-    if space := space or embedded_space(path):
+    if space := space or (embedded_space(path) if by_profile else None):
         for start in range(0, len(colors), ROWS):  # in blocks, because curves are computed in double precision
             colors[start : start + ROWS, :, :3] = convert_to_srgb(colors[start : start + ROWS, :, :3], space)
     return colors

@@ -8,6 +8,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image, ImageCms
 
+from karf_engine.capture.camera import Camera
+from karf_engine.capture.capture import View
+from karf_engine.capture.training_images import load_views
 from karf_engine.io import icc
 from karf_engine.io.color import to_bytes
 from karf_engine.io.images import embedded_space, read_photo
@@ -148,6 +151,15 @@ def test_exif_may_declare_adobe_rgb(tmp_path, colors):
     assert embedded_space(tmp_path / "a.jpg").name == "Adobe RGB (1998)"
     red = icc.adobe_rgb().to_srgb(np.array([0.5, 0.2, 0.2]))
     assert red[0] > 0.56 and red[1] < 0.21
+
+
+@pytest.mark.parametrize("size", [64, 16])
+def test_training_images_are_srgb(size, tmp_path):
+    plain = np.full((64, 64, 3), (200, 60, 40), np.uint8)
+    Image.fromarray(plain).save(tmp_path / "a.png", icc_profile=DISPLAY_P3)
+    view = View("a", "a", Camera(64, 64, 70.0, 70.0, 32.0, 32.0, np.eye(4)), tmp_path / "a.png", "train")
+    (image,) = load_views([view], size)
+    assert_allclose(image.color[size // 2, size // 2] * 255, lcms(plain, DISPLAY_P3)[0, 0], atol=1)
 
 
 @pytest.mark.parametrize("mode", ["L", "CMYK"])
