@@ -15,6 +15,7 @@ from functools import cached_property
 from pathlib import Path, PurePosixPath
 
 from ..errors import DataError
+from .image_size import RAW_SUFFIXES
 from .names import case_folded
 
 HEIC_SUFFIXES = (".heic", ".heif")
@@ -139,11 +140,11 @@ class _Listing:
         return _grouped((case_folded(path.stem), path) for path in paths if is_photo(path))
 
     def readable_copy(self, name: str) -> Path | None:
-        """Return the JPEG beside a HEIC photo, which every program reads; None if there is none."""
-        if not name.lower().endswith(HEIC_SUFFIXES):
+        """Return the photo that was made of a HEIC or raw file and lies beside it; None if there is none."""
+        if not name.lower().endswith((*HEIC_SUFFIXES, *RAW_SUFFIXES)):
             return None
         copies = self.photos.get(case_folded(photo_stem(name)), [])
-        return next((path for path in copies if path.suffix.lower() in (".jpg", ".jpeg")), None)
+        return next((path for path in copies if not path.name.lower().endswith(HEIC_SUFFIXES)), None)
 
     def reduced(self, name: str) -> Path | None:
         """Return the folder `name`_N with the smallest N."""

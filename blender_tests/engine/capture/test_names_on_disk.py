@@ -84,8 +84,9 @@ def test_photos_are_never_paired_by_order_alone(tmp_path):
 
 
 @pytest.mark.parametrize("layout", ["colmap", "transforms"])
-def test_the_jpeg_beside_a_heic_photo_is_used(tmp_path, layout):
-    names = [name.replace(".jpg", ".HEIC") for name in NAMES]
+@pytest.mark.parametrize("suffix", [".HEIC", ".CR2", ".dng"])
+def test_the_jpeg_beside_a_heic_or_raw_photo_is_used(tmp_path, layout, suffix):
+    names = [name.replace(".jpg", suffix) for name in NAMES]
     write_capture(tmp_path, layout, names, [f"images/{name}" for name in NAMES])
     for name in names:
         (tmp_path / "images" / name).write_bytes(b"no program needs to read it")
