@@ -175,7 +175,7 @@ def _camera_to_world(pose: np.ndarray, label: str) -> np.ndarray:
     """Invert a pose (quaternion w x y z, translation), and flip y and z of the camera."""
     if not np.abs(pose).max() <= LARGEST_POSITION or np.linalg.norm(pose[:4]) < 1e-9:
         raise DataError(f"{label} has a pose that is not a rotation and position.", "Leave this image out.")
-    return pose_of_opencv(rotation_of_quaternion(*pose[:4]), pose[4:])
+    return pose_of_opencv(rotation_of_quaternion(*map(float, pose[:4])), pose[4:])
 
 
 # --------------------------------------------------------------------------------------------------------------- photos

@@ -47,17 +47,17 @@ def read_llff(path: Path, photos: bool) -> Capture:
         return number, camera, notes + size_notes
 
     entries, remarks = read_each(range(len(table)), read, skip=photos)
+    numbers = [number for number, *_ in entries]
     notes = [note for *_, own in entries for note in own]
-    rows, files = [table[number] for number, *_ in entries], [images[number] for number, *_ in entries]
-    stems = [image.stem if image else f"{number:03d}" for (number, *_), image in zip(entries, files, strict=True)]
-    views = make_views([camera for _, camera, _ in entries], files, stems, ["train"] * len(entries))
-    bounds = [(float(row[-2]), float(row[-1])) for row in rows]
-    usable = [0 < near < far <= LARGEST_POSITION for near, far in bounds]
+    rows, files = table[numbers], [images[number] for number in numbers]
+    stems = [image.stem if image else f"{number:03d}" for number, image in zip(numbers, files, strict=True)]
+    views = make_views([camera for _, camera, _ in entries], files, stems, ["train"] * len(numbers))
+    is_range = (rows[:, -2] > 0) & (rows[:, -1] > rows[:, -2]) & (rows[:, -1] <= LARGEST_POSITION)
     views = [
-        replace(view, depth_bounds=own if is_range else None)
-        for view, own, is_range in zip(views, bounds, usable, strict=True)
+        replace(view, depth_bounds=(float(row[-2]), float(row[-1])) if usable else None)
+        for view, row, usable in zip(views, rows, is_range, strict=True)
     ]
-    notes += ["depth bounds that are not a range of positive depths were left out."] * usable.count(False)
+    notes += ["depth bounds that are not a range of positive depths were left out."] * int((~is_range).sum())
     return Capture(path.absolute(), "llff", tuple(views), (*remarks, *merge_notes(notes)))
 
 

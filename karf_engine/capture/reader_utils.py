@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -76,7 +77,8 @@ def pose_of_opencv(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
 
 def rotation_of_quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
     """Return the rotation matrix [3, 3] of a quaternion of any length but 0."""
-    w, x, y, z = np.array([w, x, y, z]) / np.linalg.norm([w, x, y, z])
+    length = math.hypot(w, x, y, z)
+    w, x, y, z = w / length, x / length, y / length, z / length
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

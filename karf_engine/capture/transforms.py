@@ -153,7 +153,8 @@ def _views(pairs: Sequence[tuple[_Frame, Path | None]], skip: bool) -> tuple[lis
     stems = [image.stem if image else _bare_stem(frame) for frame, image, _, _ in entries]
     splits = [frame.split or "train" for frame, *_ in entries]
     views = make_views([entry[2] for entry in entries], [entry[1] for entry in entries], stems, splits)
-    views = [replace(view, mask=frame.mask) for view, (frame, *_) in zip(views, entries, strict=True)]
+    masks = [frame.mask for frame, *_ in entries]
+    views = [replace(view, mask=mask) if mask else view for view, mask in zip(views, masks, strict=True)]
     return views, remarks + merge_notes(note for *_, notes in entries for note in notes)
 
 

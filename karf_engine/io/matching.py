@@ -71,15 +71,15 @@ class FileFinder:
     def __init__(self, root: Path) -> None:
         self.root = root
         self._listings: dict[Path, _Listing] = {}
+        self._exact_listings: dict[tuple[str, ...], _Listing] = {}
+        self._exact: dict[tuple[str, ...], Path | None] = {}
 
     def exact(self, path: PurePosixPath) -> Path | None:
         """Return the file at a path, or the photo whose name continues a path without suffix."""
-        folder = self.root.joinpath(*path.parts[:-1])
-        listing = self._listing(folder)
-        if path.name in listing.files:
-            return listing.readable_copy(path.name) or folder / path.name
-        continued = [] if is_photo(path) else listing.photos.get(case_folded(path.name), [])
-        return continued[0] if len(continued) == 1 else None
+        parts = path.parts
+        if parts not in self._exact:
+            self._exact[parts] = self._find_exact(parts[:-1], parts[-1])
+        return self._exact[parts]
 
     def matches(self, path: PurePosixPath) -> list[Path]:
         """Return the files that a path may mean: those of the strictest level that has any."""
@@ -94,7 +94,18 @@ class FileFinder:
 
     def find(self, path: PurePosixPath) -> Path | None:
         """Return the file that a path means; None if there is none. Raises DataError if it may be several files."""
-        return _single(self.matches(path), self.root / path)
+        return self.exact(path) or _single(self.matches(path), self.root / path)
+
+    def _find_exact(self, folders: tuple[str, ...], name: str) -> Path | None:
+        if folders not in self._exact_listings:
+            self._exact_listings[folders] = self._listing(self.root.joinpath(*folders))
+        listing = self._exact_listings[folders]
+        if name in listing.files:
+            return listing.readable_copy(name) or listing.folder / name
+        if not listing.files or is_photo(PurePosixPath(name)):
+            return None
+        continued = listing.photos.get(case_folded(name), [])
+        return continued[0] if len(continued) == 1 else None
 
     def _listing(self, folder: Path) -> _Listing:
         if folder not in self._listings:
