@@ -1,4 +1,4 @@
-"""What cannot be written is named, by every command that writes, and memory that runs out is told as that."""
+"""Every command names the path that it could not write, and reports memory that ran out."""
 
 import errno
 import os
@@ -6,6 +6,7 @@ import resource
 import shutil
 from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -21,7 +22,7 @@ from karf_engine.splats.formats.splat_file import SplatFile
 from karf_engine.worker.protocol import Request
 
 BAD_DATA, OUT_OF_MEMORY = 4, 5
-# a row: what is run. Stages of the project are learned anew, so they have something to write
+# stages of the project run again, so that they have something to write
 COMMANDS = {
     "inspect": "inspect {capture} --out {out}/inspected",
     "mark": "mark {capture} --view train_r_0 --object pot --out {out}/masks --box 4,4,20,20",
@@ -50,26 +51,22 @@ MATCH = {"object": "ball", "source": "#b5302c", "target": "#3059b8"}
 
 
 def no_bytes(_: Path) -> None:
-    """Let no file get a byte, whichever library writes it; the system names no path then."""
+    """Let no library write a byte to a file; the system names no path then."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
 
 
 def no_bytes_and_no_links(disk: Path) -> None:
-    """The same, where the given files lie on another disk."""
-
-    def refused(*_: object) -> None:
-        raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
-
+    """The same with the input files on another disk."""
     no_bytes(disk)
-    os.link = refused
+    os.link = Mock(side_effect=OSError(errno.EXDEV, os.strerror(errno.EXDEV)))
 
 
 SOME = ("edit", "frames as EXR", "export-splat .usdc", "farm")
-FAULTS = {  # what befalls the disk, and which commands
+FAULTS = {  # and the commands that they strike
     "disk full": (partial(refuse_changes, number=errno.ENOSPC), COMMANDS),
     "quota": (partial(refuse_changes, number=errno.EDQUOT), SOME),
     "read-only disk": (partial(refuse_changes, number=errno.EROFS), SOME),
-    "no right": (partial(refuse_changes, number=errno.EACCES), SOME),
+    "no permission": (partial(refuse_changes, number=errno.EACCES), SOME),
     "no byte can be written": (no_bytes, COMMANDS),
     "no byte, on another disk": (no_bytes_and_no_links, ("poses", "import-splat")),
     "no memory": (no_memory_at_changes, COMMANDS),
@@ -78,7 +75,7 @@ FAULTS = {  # what befalls the disk, and which commands
 
 @pytest.fixture(scope="module")
 def places(still_life, learned, tmp_path_factory):
-    """What commands are given, and the disk on which they write."""
+    """Inputs of the commands, and the disk on which they write."""
     folder = tmp_path_factory.mktemp("named paths")
     inputs = folder / "inputs"
     inputs.mkdir()
@@ -93,7 +90,7 @@ def places(still_life, learned, tmp_path_factory):
 
 
 @pytest.mark.parametrize(("fault", "name"), [(fault, name) for fault, (_, names) in FAULTS.items() for name in names])
-def test_the_path_that_could_not_be_written_is_named(places, learned, fault, name):
+def test_failed_write_names_the_path(places, learned, fault, name):
     disk, project, job = places["disk"], Project(places["project"]), places["out"] / "job"
     shutil.rmtree(disk, ignore_errors=True)
     job.mkdir(parents=True)
