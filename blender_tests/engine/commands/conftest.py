@@ -1,4 +1,4 @@
-"""A copied project and recorded events, for the tests of commands."""
+"""A copied project, recorded events and command lines for the tests of commands."""
 
 import shutil
 
@@ -20,17 +20,17 @@ def copy(learned, tmp_path):
 
 @pytest.fixture(scope="module")
 def model(learned):
-    """The learned still life, loaded. Do not change it."""
+    """The learned still life, loaded; not to be changed."""
     return karf.load(learned.project, "cpu")
 
 
 def run(*words):
-    """Run the command line; its exit code."""
+    """Run the command line; returns its exit code."""
     return main([*map(str, words)])
 
 
 class Events:
-    """The events of a job as (kind, values), when it is given as the job's `emit`."""
+    """A job's `emit` that records its events as (kind, values)."""
 
     def __init__(self):
         self.told = []
@@ -52,14 +52,14 @@ def events():
 
 
 def cameras_file(path, count=1, size=16, angle=1.0):
-    """Write new cameras named frame_0, frame_1 .. to a file."""
+    """Write new cameras, named frame_0, frame_1 .., to a file."""
     camera = camera_at(angle, 0.5, size=size)
     write_cameras(path, [View(f"frame_{n}", f"frame_{n}", camera, None, "train") for n in range(count)])
     return path
 
 
 def geometry_command(still_life, project, *settings):
-    """Arguments that learn the geometry alone."""
+    """Arguments that learn only the geometry."""
     command = still_life.command(project, *settings)
     masks = command.index("--masks")
     return ["geometry", *command[1:masks], *command[masks + 2 :]]

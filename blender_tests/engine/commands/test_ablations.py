@@ -1,4 +1,4 @@
-"""What the settings of the paper's ablations change, and that they change nothing else."""
+"""The settings of the paper's ablations change what they name and nothing else."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ from karf_engine.segmentation.report import SegmentationReport
 
 @pytest.fixture(scope="module")
 def job(learned):
-    """The still life's project, opened to read."""
+    """The still life's project, opened for reading."""
     project = Project(learned.project)
     settings = settings_module.from_dict(project.state()["settings"])
     return make_job(project, Options(threads=1, device="cpu"), settings, lambda *_, **__: None, lambda: False)
@@ -36,49 +36,37 @@ def job(learned):
 
 @pytest.fixture(scope="module")
 def field(job):
-    """Its radiance field."""
     return load_scene(job.project.geometry_file).field
 
 
 @pytest.fixture(scope="module")
 def palettes(job):
-    """Its palettes as extracted."""
+    """The palettes as extracted."""
     return read_palettes(job.project.palette_file, "initial")
 
 
 @pytest.fixture(scope="module")
 def segmentation(job, field):
-    """Its segmentation field."""
     return load_segmentation(job.project.segmentation_file, field.n_features)[0]
 
 
-@pytest.fixture(scope="module")
-def scene(job, field, segmentation):
-    """Surface and opacity of the rays of the whole scene."""
-    return whole_scene(job, field, segmentation)
-
-
 def fit(karf, field, rays, palettes, settings):
-    """Train a recoloring field."""
+    """Train the recoloring field `karf`."""
     stacked = torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in palettes}))
     progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", settings.iterations)
     fit_recoloring(karf, field, rays, stacked, settings, start_runtime(0, 1, "cpu"), progress)
 
 
 def rays_with(job, field, palettes, *overrides):
-    """What F_w learns from with changed settings."""
+    """The rays that F_w learns from with changed settings."""
     changed = replace(job, settings=settings_module.with_overrides(job.settings, list(overrides)))
     surface, _ = load_surface(job.project.surface_file)
     return rays_of(changed, field, surface, palettes)
 
 
-def reddish(seed):
-    random = np.random.default_rng(seed)
-    return [random.uniform([0.3, 0.0, 0.0], [0.9, 0.3, 0.5], (4000, 3)).astype(np.float32) for _ in range(2)]
-
-
-def test_a_random_palette_is_as_large_as_the_hull_begins_with_black_and_follows_the_seed():
-    pixels = [reddish(0), reddish(1)]
+def test_random_palette_has_hull_size_black_first_and_follows_seed():
+    reddish = [0.3, 0.0, 0.0], [0.9, 0.3, 0.5], (2, 4000, 3)
+    pixels = [list(np.random.default_rng(seed).uniform(*reddish).astype(np.float32)) for seed in (0, 1)]
     hull = extract_palettes(["a", "b"], pixels, PaletteSettings())
     first, again, other = (
         extract_palettes(["a", "b"], pixels, PaletteSettings(start="random"), seed) for seed in (3, 3, 4)
@@ -91,7 +79,7 @@ def test_a_random_palette_is_as_large_as_the_hull_begins_with_black_and_follows_
     assert not np.array_equal(first[0].colors[1:3], first[1].colors[1:3])
 
 
-def test_reference_supervision_asks_only_rays_of_masked_views_for_their_weights(job, field, palettes):
+def test_reference_supervision_uses_only_rays_of_masked_views(job, field, palettes):
     everywhere = rays_with(job, field, palettes)
     assert everywhere.supervised.all()
     masked = rays_with(job, field, palettes, "recoloring.supervision=reference")
@@ -104,8 +92,8 @@ def test_reference_supervision_asks_only_rays_of_masked_views_for_their_weights(
     assert not masked.weights[~masked.supervised].any()
 
 
-def test_a_black_background_is_learned(job, field, palettes, segmentation, scene):
-    surface, opacity = scene
+def test_background_is_learned_as_black(job, field, palettes, segmentation):
+    surface, opacity = whole_scene(job, field, segmentation)
     rays, kept = rays_of(job, field, surface, palettes, opacity), load_surface(job.project.surface_file)[0]
     is_behind = surface.object == BACKGROUND
     assert len(rays.colors) == len(surface.colors) and (~is_behind).sum() == len(kept.colors)
@@ -120,7 +108,7 @@ def test_a_black_background_is_learned(job, field, palettes, segmentation, scene
     assert black[is_behind & (opacity > 0.9)].median() > 0.9 > 0.5 > black[surface.object < BACKGROUND].median()
 
 
-def test_weights_of_rays_that_are_not_asked_teach_nothing(job, field, palettes, segmentation):
+def test_unsupervised_weights_do_not_affect_learning(job, field, palettes, segmentation):
     rays = rays_with(job, field, palettes)
     some = torch.arange(len(rays.colors)) % 3 == 0
     settings = RecoloringSettings(iterations=5, batch=128, width=8, weight_loss=1.0)
@@ -138,7 +126,7 @@ def test_weights_of_rays_that_are_not_asked_teach_nothing(job, field, palettes, 
 
 
 @pytest.mark.parametrize(("schedule", "highest", "lowest"), [("constant", 1.0, 1.0), ("cosine", 0.7, 0.02)])
-def test_the_rate_is_constant_or_warms_up_and_falls(
+def test_learning_rate_is_constant_or_warms_up_and_falls(
     job, field, palettes, segmentation, monkeypatch, schedule, highest, lowest
 ):
     factors = []
@@ -154,7 +142,7 @@ def test_the_rate_is_constant_or_warms_up_and_falls(
     assert (factors[0] < 0.1) == (schedule == "cosine")
 
 
-def test_loco_targets_give_the_colors_back_but_depend_on_the_place(job, field, palettes):
+def test_loco_targets_reproduce_colors_but_depend_on_position(job, field, palettes):
     star = rays_with(job, field, palettes)
     loco = rays_with(job, field, palettes, "recoloring.targets=loco")
     stacked = torch.from_numpy(stack_palettes([p.name for p in palettes], {p.name: p.colors for p in palettes}))

@@ -10,7 +10,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from blender_tests.engine.commands.farm.sequences import write_sequence
+from blender_tests.engine.commands.farm.sequences import Sequence
 from blender_tests.engine.conftest import QUICK
 from blender_tests.engine.faults import engine
 from blender_tests.engine.faults.traps import no_memory_at_changes, refuse_changes
@@ -79,7 +79,7 @@ def places(still_life, learned, tmp_path_factory):
     folder = tmp_path_factory.mktemp("named paths")
     inputs = folder / "inputs"
     inputs.mkdir()
-    write_sequence(learned.project, inputs, 2)
+    Sequence(learned.project, inputs, 2)
     ply.write(inputs / "cloud.ply", SplatFile(cloud()))
     (inputs / "sheet.csv").write_text("colorway,object,hex\nGreen,ball,#1ec040\n")
     disk = folder / "disk"

@@ -1,4 +1,4 @@
-"""A sequence of new cameras round the still life, with an edit."""
+"""A sequence of new cameras around the still life, with an edit."""
 
 from pathlib import Path
 
@@ -30,15 +30,9 @@ class Sequence:
     def move(self, number=0, angle=0.0):
         """Write the cameras, one of them at another angle."""
         self.angles[number] = angle
-        names = [f"frame_{place:04d}" for place in range(1, len(self.angles) + 1)]
-        cameras = [camera_at(angle, 0.5, size=self.size) for angle in self.angles]
-        views = [View(name, name, camera, None, "train") for name, camera in zip(names, cameras, strict=True)]
-        write_cameras(self.cameras, views)
+        cameras = {f"frame_{n:04d}": camera_at(angle, 0.5, size=self.size) for n, angle in enumerate(self.angles, 1)}
+        write_cameras(self.cameras, [View(name, name, camera, None, "train") for name, camera in cameras.items()])
 
     def render(self, out, **options):
         chosen = {"views": str(self.cameras), "edit": self.edit} | options
         karf.render(self.project, out, threads=1, device="cpu", **chosen)
-
-
-def write_sequence(project: Path, folder: Path, count: int) -> Sequence:
-    return Sequence(project, folder, count)
