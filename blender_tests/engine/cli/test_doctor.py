@@ -1,6 +1,5 @@
 """Findings, advice and verdict of the doctor on this and on simulated computers."""
 
-import importlib
 import json
 import os
 import shutil
@@ -10,8 +9,9 @@ import sys
 import time
 import tomllib
 import weakref
-from collections import namedtuple
 from dataclasses import replace
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 from packaging.requirements import Requirement
@@ -51,19 +51,8 @@ def test_malformed_findings_are_rejected(line):
         Finding.from_line(line)
 
 
-def lacking(**errors):
-    """Python whose import of some packages raises these errors."""
-
-    def load(name):
-        if name in errors:
-            raise errors[name]
-        return importlib.import_module(name)
-
-    return {"import_module": load}
-
-
-def missing(name):
-    return ModuleNotFoundError(f"No module named {name!r}", name=name)
+def with_import_error(error):
+    return {"import_module": Mock(side_effect=error)}
 
 
 def with_version(version):
@@ -71,10 +60,10 @@ def with_version(version):
 
 
 def with_disk(free):
-    return {"shutil.disk_usage": lambda folder: namedtuple("Usage", "total used free")(10**12, 0, free)}
+    return {"shutil.disk_usage": lambda folder: SimpleNamespace(total=10**12, used=0, free=free)}
 
 
-def refuse(*_, **where):
+def deny(*_, **where):
     raise PermissionError(13, "Permission denied", str(where.get("dir", "/tmp")))
 
 
@@ -89,18 +78,20 @@ CHECKS = {  # each is given a folder
 }
 
 
-NUMBA = {"numba": ImportError("Numba needs NumPy 2.4 or less")}
-BROKEN = {"torch": OSError("libcudart.so.12: cannot open shared object file")}
+NO_TORCH, NO_NUMPY = (with_import_error(ModuleNotFoundError(name=name)) for name in ("torch", "numpy"))
+BROKEN = with_import_error(OSError("libcudart.so.12: cannot open shared object file"))
+NUMBA_ERROR = "Numba needs NumPy 2.4 or less"
+OLD_NUMBA = with_import_error(ImportError(NUMBA_ERROR)) | with_version("0.68.1")
 OTHER_PYTHON = {"PYTHON": Range("3.90", "3.91")}
-READ_ONLY = {"tempfile.TemporaryDirectory": refuse, "tempfile.TemporaryFile": refuse}
+READ_ONLY = {"tempfile.TemporaryDirectory": deny, "tempfile.TemporaryFile": deny}
 COMPUTERS = [  # patches of the doctor, the check, its status and exit code, and words of its lines
     *((with_version(version), "torch", WARNING, 0, [version, PIP]) for version in ("2.5.1", "3.0.0")),
     (with_version("2.6.0"), "torch", OK, 0, ["2.6.0"]),
-    (lacking(torch=missing("torch")), "torch", ERROR, 3, ["torch is not installed.", f'{PIP} "torch>=']),
-    (lacking(**BROKEN), "torch", ERROR, 3, ["libcudart.so.12", "--force-reinstall"]),
-    (lacking(torch=missing("numpy")), "torch", ERROR, 3, ["torch needs numpy, which is not installed."]),
+    (NO_TORCH, "torch", ERROR, 3, ["torch is not installed.", f'{PIP} "torch>=']),
+    (BROKEN, "torch", ERROR, 3, ["libcudart.so.12", "--force-reinstall"]),
+    (NO_NUMPY, "torch", ERROR, 3, ["torch needs numpy, which is not installed."]),
     (with_version(None), "fast", OK, 0, ["is not installed", "as fast", f'{PIP} "numba>=']),
-    (lacking(**NUMBA) | with_version("0.68.1"), "fast", WARNING, 0, [str(NUMBA["numba"]), "--force-reinstall"]),
+    (OLD_NUMBA, "fast", WARNING, 0, [NUMBA_ERROR, "--force-reinstall"]),
     (OTHER_PYTHON, "python", WARNING, 0, [sys.executable, "Use one of the tested versions"]),
     (with_disk(10**7), "disk", ERROR, 4, ["FOLDER"]),
     (with_disk(10**9), "disk", WARNING, 0, ["1.0 GB are free", "FOLDER"]),
@@ -155,7 +146,7 @@ def test_cuda_build_without_cards_gives_a_warning(monkeypatch):
 def test_cards_are_listed_with_their_memory(monkeypatch):
     import torch
 
-    facts = namedtuple("Facts", "name total_memory")("RTX 4090", 24 * 10**9)
+    facts = SimpleNamespace(name="RTX 4090", total_memory=24 * 10**9)
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
     monkeypatch.setattr(torch.cuda, "get_device_properties", lambda number: facts)
@@ -210,11 +201,8 @@ def test_doctor_stops_when_python_drops_the_signals_exception(monkeypatch, capsy
 def test_failing_stage_is_named_and_ends_the_smoke_run(monkeypatch, capsys):
     from karf_engine import api
 
-    def fail(*_, **__):
-        raise ValueError("operands do not fit")
-
-    monkeypatch.setattr(api, "learn_geometry", lambda *_, **__: None)
-    monkeypatch.setattr(api, "segment", fail)
+    monkeypatch.setattr(api, "learn_geometry", Mock())
+    monkeypatch.setattr(api, "segment", Mock(side_effect=ValueError("operands do not fit")))
     geometry, segmentation = smoke.stages()
     assert geometry.status == OK and segmentation.status == ERROR
     assert "The stage segmentation does not run: ValueError('operands do not fit')." == segmentation.sentence
