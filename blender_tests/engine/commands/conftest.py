@@ -9,7 +9,7 @@ from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.cli import main
-from karf_engine.project import Project
+from karf_engine.project import STAGE_ORDER, Project
 
 
 @pytest.fixture
@@ -27,6 +27,11 @@ def model(learned):
 def run(*words):
     """Run the command line; returns its exit code."""
     return main([*map(str, words)])
+
+
+def stages_run(printed):
+    """The stages that ran, by what `all` printed."""
+    return [stage for stage in STAGE_ORDER if f"{stage}: already done" not in printed]
 
 
 class Events:

@@ -25,12 +25,10 @@ from karf_engine.project import Project
 from karf_engine.project.contents import read_capture
 from karf_engine.project.settings import preset, with_overrides
 
-QUICK = [
-    "geometry.space=contraction",
-    "geometry.features=4",
-    "geometry.open.samples=4000",
-    'geometry.open.levels=[{"voxels": 12, "iterations": 40, "step": 1}, {"voxels": 16, "iterations": 8, "step": 1}]',
-]
+QUICK = """
+    geometry.space=contraction geometry.features=4 geometry.open.samples=4000
+    geometry.open.levels=[{"voxels":12,"iterations":40,"step":1},{"voxels":16,"iterations":8,"step":1}]
+""".split()
 
 
 @pytest.fixture(scope="module")
@@ -39,11 +37,10 @@ def capture(tmp_path_factory):
     folder = tmp_path_factory.mktemp("capture")
     rig = cameras(16)
     photos = [take_photo(camera, sky=True) for camera in rig]
-    views = []
-    for number, photo in enumerate(photos):
-        path = folder / f"{number:02d}.png"
+    paths = [folder / f"{number:02d}.png" for number in range(16)]
+    for path, photo in zip(paths, photos, strict=True):
         write_png(path, photo.color)
-        views.append(View(path.stem, path.stem, photo.camera, path, "train"))
+    views = [View(path.stem, path.stem, camera, path, "train") for path, camera in zip(paths, rig, strict=True)]
     return hold_out(Capture(folder, "made", tuple(views), points=points_on_the_still_life(rig, photos)), 8)
 
 
@@ -78,12 +75,12 @@ def test_project_keeps_holdout_and_points_and_reports_held_out_views(capture, le
     learned = [learn(each, **options) for each, options in runs]
     assert [facts["holdout"] for _, facts in learned] == [8, 8, 0, 0]
     assert [events.is_done_already("geometry") for events, _ in learned] == [False, True, False, False]
-    (events, facts), *_, (silent, bare_facts) = learned
+    (events, facts), *_, (other_events, other_facts) = learned
     assert facts["space"] == "contraction" and 1 < facts["pixels_per_voxel"] < 6
     assert len(facts["held_out"]) == 2 and all(5 < worst <= mean < 40 for mean, worst in facts["held_out"])
     assert warnings(events) == ["detail"]  # 16 voxels are few
-    assert bare_facts["held_out"] == []
-    assert any("new views" in (text or "") for text in silent.values("stage", "text"))  # which nothing measures
+    assert other_facts["held_out"] == []
+    assert any("new views" in (text or "") for text in other_events.values("stage", "text"))  # which nothing measures
 
 
 def test_masked_photos_are_trained_on_and_later_masks_keep_geometry(capture, learn, tmp_path):
@@ -160,7 +157,6 @@ LEARN = (
 
 @pytest.mark.skipif(os.name == "nt", reason="the peak is read from /proc")
 def test_memory_peak_of_three_captures_is_that_of_one(still_life, tmp_path):
-    none, one, three = (
-        peak_of(LEARN, still_life.capture, tmp_path / str(count), count, *BOX, *LARGE) for count in (0, 1, 3)
-    )
+    peaks = (peak_of(LEARN, still_life.capture, tmp_path / str(count), count, *BOX, *LARGE) for count in (0, 1, 3))
+    none, one, three = peaks
     assert one > none + 100e6 and three - none <= 1.2 * (one - none), (none, one, three)

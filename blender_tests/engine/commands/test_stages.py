@@ -13,7 +13,7 @@ import torch
 from scipy.ndimage import maximum_filter
 
 import karf_engine
-from blender_tests.engine.commands.conftest import cameras_file, run
+from blender_tests.engine.commands.conftest import cameras_file, run, stages_run
 from blender_tests.engine.conftest import of_field
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture import open_capture
@@ -73,19 +73,15 @@ def test_every_stage_stores_its_results(learned):
 
 
 def test_rerun_runs_only_stages_of_changed_settings(still_life, copy, capsys):
-    def stages_run():
-        printed = capsys.readouterr().err
-        return [stage for stage in STAGE_ORDER if f"{stage}: already done" not in printed]
-
     def times():  # except of the lock, which older releases of filelock touch
         return {name: (copy.folder / name).stat().st_mtime_ns for name in before.keys() - {Path("lock")}}
 
     before = contents(copy)
     times_before = times()
     assert run(*still_life.command(copy.folder)) == 0
-    assert contents(copy) == before and times() == times_before and stages_run() == []
+    assert contents(copy) == before and times() == times_before and stages_run(capsys.readouterr().err) == []
     assert run(*still_life.command(copy.folder, "palette.colors=2", "recoloring.iterations=3")) == 0
-    assert stages_run() == ["palette", "recoloring"]
+    assert stages_run(capsys.readouterr().err) == ["palette", "recoloring"]
     changed = {name.name for name, content in contents(copy).items() if before.get(name) != content}
     assert changed == {"project.json", "palette.json", "object_colors.npz", "recoloring.safetensors"}
     assert {len(palette.colors) for palette in read_palettes(copy.palette_file)} == {2}

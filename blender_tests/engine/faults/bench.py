@@ -81,7 +81,7 @@ class Bench:
         photos = write_capture(self.capture, N_PHOTOS, 2, SIZE)
         write_masks(self.masks, photos, MASKED_VIEWS)
         write_masks(self.other_masks, photos, ("r_2", "r_6"))
-        self._learn()
+        self._make_states()
 
     def command(self, stage: str, changed: bool = False, settings_of: str = "geometry") -> list[str]:
         """The command line of a stage, as first run or changed. settings_of: the stage whose changes geometry sets."""
@@ -104,30 +104,30 @@ class Bench:
         colors = ["--object", "ball", "--from", "#b5302c", "--to", "#3059b8"]
         return ["match", str(self.project), *colors, "--out", str(self.look / "edit.json")]
 
-    def _learn(self) -> None:
+    def _make_states(self) -> None:
         """Make all valid states, and the scenarios that lead from one to another."""
         start = None
         for stage in STAGE_ORDER:
             self._add(f"{stage}, first", start, self.command(stage))
             start = self.scenarios[-1].end.folder
         self.complete = self.scenarios[-1].end
-        self._must(self.match)
+        self._run_checked(self.match)
         self.edit = digest(self.look / "edit.json")
         for stage in STAGE_ORDER:
             start = self.complete.folder
             if stage in ("palette", "recoloring", "splats"):  # the changed settings are stored first
                 self.restore(start)
-                self._must(self.command("geometry", True, stage))
+                self._run_checked(self.command("geometry", True, stage))
                 start = self._snapshot(f"{stage} to run again")
             self._add(f"{stage}, again", start, self.command(stage, True))
-        self.restore(self.complete.folder)
-        seconds = self._must(self.render("--planes"))
         start = self.complete.folder
+        self.restore(start)
+        seconds = self._run_checked(self.render("--planes"))
         self.scenarios.append(Scenario("render", start, self.render("--planes"), self.complete, seconds))
 
     def _add(self, title: str, start: Path | None, command: list[str]) -> None:
         self.restore(start)
-        seconds = self._must(command)
+        seconds = self._run_checked(command)
         chain, files, folder = self.chain(), self.files(), self._snapshot(title)
         pictures, rendered = self.pictures()
         if rendered.code:
@@ -135,7 +135,7 @@ class Bench:
         self.states[chain] = State(chain, folder, files, pictures)
         self.scenarios.append(Scenario(title, start, command, self.states[chain], seconds))
 
-    def _must(self, command: list[str]) -> float:
+    def _run_checked(self, command: list[str]) -> float:
         """Run a command, which must succeed; returns its seconds."""
         begin = time.monotonic()
         done = run(command)
