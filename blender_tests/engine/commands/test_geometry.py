@@ -64,10 +64,6 @@ def job(tmp_path, events):
     return make_job(Project(tmp_path), Options(threads=1), settings, events, lambda: False)
 
 
-def warnings(events):
-    return events.values("warning", "code")
-
-
 def test_project_keeps_holdout_and_points_and_reports_held_out_views(capture, learn):
     bare = replace(capture, views=tuple(replace(view, split="train") for view in capture.views), holdout=0)
     moved = replace(bare, points=replace(bare.points, positions=bare.points.positions + 0.01))
@@ -78,7 +74,7 @@ def test_project_keeps_holdout_and_points_and_reports_held_out_views(capture, le
     (events, facts), *_, (other_events, other_facts) = learned
     assert facts["space"] == "contraction" and 1 < facts["pixels_per_voxel"] < 6
     assert len(facts["held_out"]) == 2 and all(5 < worst <= mean < 40 for mean, worst in facts["held_out"])
-    assert warnings(events) == ["detail"]  # 16 voxels are few
+    assert events.values("warning", "code") == ["detail"]  # 16 voxels are few
     assert other_facts["held_out"] == []
     assert any("new views" in (text or "") for text in other_events.values("stage", "text"))  # which nothing measures
 
@@ -123,7 +119,7 @@ def test_failed_triangulation_gives_a_warning(capture, monkeypatch, job, events,
     monkeypatch.setattr(geometry, "find_spec", lambda name: None if reason == "pycolmap" else object())
     bare = replace(capture, points=None)
     assert geometry.training_points(job, bare, load_views(bare.split("train"), 64), "opaque") is None
-    assert warnings(events) == ["points"] and reason in events.values("warning", "sentence")[0]
+    assert events.values("warning", "code") == ["points"] and reason in events.values("warning", "sentence")[0]
 
 
 def test_worsening_held_out_views_give_a_warning(monkeypatch, job, events):
@@ -132,14 +128,14 @@ def test_worsening_held_out_views_give_a_warning(monkeypatch, job, events):
         monkeypatch.setattr(geometry, "psnr_of_views", lambda scene, dataset, seed, values=values: values)
         geometry.validate(job, None, None, scores)
     assert scores == [[23.0, 22.0], [22.9, 21.8], [21.5, 20.0]]
-    assert warnings(events) == ["held_out"]
+    assert events.values("warning", "code") == ["held_out"]
 
 
 def test_coarse_voxels_give_a_warning_with_a_better_number(capture, job, events):
     training_images = load_views(capture.split("train"), 64)
     for pixels, space in ((1.2, "contraction"), (5.0, "contraction"), (5.0, "box")):
         geometry.warn_of_lost_detail(job, pixels, training_images, space)
-    assert warnings(events) == ["detail", "detail"]
+    assert events.values("warning", "code") == ["detail", "detail"]
     opened, boxed = events.values("warning", "sentence")
     assert "5.0 pixels" in opened and "geometry.open.levels ends at 16 voxels; 40 would do" in opened
     assert "geometry.levels ends at 136 voxels; 340 would do" in boxed

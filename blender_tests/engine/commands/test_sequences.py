@@ -5,6 +5,7 @@ import json
 import tracemalloc
 import weakref
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -39,14 +40,10 @@ def sequence(copy, tmp_path):
     return SequenceInFolder(copy.folder, tmp_path, 4)
 
 
-def finish_otherwise(stage):
+def finish_otherwise(stage, _, project):
     """Finish a stage again with other inputs and the same outputs."""
-
-    def change(_, project):
-        known = project.finished(stage)
-        project.finish(stage, "another", folder=known["folder"], files=known["files"])
-
-    return change
+    known = project.finished(stage)
+    project.finish(stage, "another", folder=known["folder"], files=known["files"])
 
 
 def remove_and_truncate(sequence, _):
@@ -54,12 +51,9 @@ def remove_and_truncate(sequence, _):
     (sequence.out / "render" / "frame_0003.png").write_bytes(b"\x89PNG")
 
 
-def damage_record(text):
-    def damage(sequence, _):
-        record = sequence.out / RECORD_NAME
-        record.write_text(text + record.read_text()[:-40])  # killed while writing the last line
-
-    return damage
+def damage_record(text, sequence, _):
+    record = sequence.out / RECORD_NAME
+    record.write_text(text + record.read_text()[:-40])  # killed while writing the last line
 
 
 def reformat_edit(sequence, _):
@@ -71,12 +65,12 @@ CHANGES = {
     "camera": (lambda sequence, _: sequence.move(2, 1.5), ["frame_0003"]),
     "edit": (lambda sequence, _: sequence.paint((0.05, 0.1, 0.4)), FRAMES),
     "layout of the edit": (reformat_edit, []),
-    "palettes": (finish_otherwise("recoloring"), FRAMES),
-    "splats": (finish_otherwise("splats"), FRAMES),
+    "palettes": (partial(finish_otherwise, "recoloring"), FRAMES),
+    "splats": (partial(finish_otherwise, "splats"), FRAMES),
     "frames": (remove_and_truncate, ["frame_0001", "frame_0003"]),
-    "truncated record": (damage_record(""), ["frame_0004"]),
-    "record with other lines": (damage_record("\0\0\n{]\n[]\n7\n"), ["frame_0004"]),
-    "record of another frame": (damage_record('{"frame": "frame_0001", "made_from": "x"}\n'), ["frame_0004"]),
+    "truncated record": (partial(damage_record, ""), ["frame_0004"]),
+    "record with other lines": (partial(damage_record, "\0\0\n{]\n[]\n7\n"), ["frame_0004"]),
+    "record of another frame": (partial(damage_record, '{"frame": "frame_0001", "made_from": "x"}\n'), ["frame_0004"]),
 }
 
 

@@ -192,19 +192,13 @@ def test_invalid_sizes_and_settings_are_rejected(render, capsys, option, message
     assert message in capsys.readouterr().err
 
 
-@pytest.fixture
-def disputed(monkeypatch):
-    """Let photo and field disagree about the first object in every view."""
-
-    def disputing(self, edges, photo, probabilities, rendered, marks, seed):
+@pytest.mark.parametrize("size", ["photo", "learned"])
+def test_disputed_objects_are_reported_once(render, capsys, monkeypatch, size):
+    def dispute_first_object(self, edges, photo, probabilities, rendered, marks, seed):
         first, *others = field_mattes(photo.shape[1::-1], probabilities)
         return [replace(first, disputed=True), *others]
 
-    monkeypatch.setattr("karf_engine.recolor.render_cache.RenderCache.mattes", disputing)
-
-
-@pytest.mark.parametrize("size", ["photo", "learned"])
-def test_disputed_objects_are_reported_once(render, capsys, disputed, size):
+    monkeypatch.setattr("karf_engine.recolor.render_cache.RenderCache.mattes", dispute_first_object)
     assert render("--views", "test_r_0,train_r_0", "--size", size, "--planes") == 0
     printed = "".join(capsys.readouterr())
     assert printed.count("disagree") == 1
@@ -244,33 +238,25 @@ def test_rendering_in_bands_gives_the_same_picture(model, monkeypatch):
         assert_allclose(getattr(bands, name), getattr(whole, name), atol=1e-4)
 
 
-SPACE = "sRGB Encoded P3-D65"
-
-
-@pytest.fixture(scope="module")
-def wide(still_life, tmp_path_factory):
-    """The still life with photos of 16 bits in a wide gamut."""
+def test_wide_gamut_photos_are_recolored_like_srgb_ones(still_life, learned, tmp_path, capsys):
     pytest.importorskip("PyOpenColorIO")
-    folder = shutil.copytree(still_life.capture, tmp_path_factory.mktemp("wide") / "capture")
-    for path in folder.rglob("*.png"):
-        stored = color_space(SPACE).from_srgb(read_photo(path)[..., :3])
+    wide_space = "sRGB Encoded P3-D65"
+    wide = shutil.copytree(still_life.capture, tmp_path / "wide" / "capture")
+    for path in wide.rglob("*.png"):
+        stored = color_space(wide_space).from_srgb(read_photo(path)[..., :3])
         path.write_bytes(encode_image(".png", np.rint(np.clip(stored, 0, 1) * 65535).astype(np.uint16)))
-    return folder
-
-
-def test_wide_gamut_photos_are_recolored_like_srgb_ones(still_life, learned, wide, tmp_path, capsys):
     project, edit = tmp_path / "project", tmp_path / "edit.json"
     assert run("geometry", wide, "--project", project, "--photo-space", "P3 sRGB") == BadRequest.exit_code
     printed = capsys.readouterr().err
-    assert "no color space 'P3 sRGB'" in printed and "Nearest: " in printed and SPACE in printed
+    assert "no color space 'P3 sRGB'" in printed and "Nearest: " in printed and wide_space in printed
     assert not project.exists()
 
     of_wide = replace(still_life, capture=wide)
     command = of_wide.command(project, "splats.iterations=1", "recoloring.iterations=20")
-    assert run(*command, "--photo-space", SPACE) == 0
-    assert {view.space.name for view in read_capture(Project(project)).views} == {SPACE}
+    assert run(*command, "--photo-space", wide_space) == 0
+    assert {view.space.name for view in read_capture(Project(project)).views} == {wide_space}
     pictures = []
-    for each, space in ((learned.project, None), (project, color_space(SPACE))):
+    for each, space in ((learned.project, None), (project, color_space(wide_space))):
         out = tmp_path / f"of {each.parent.name}"
         assert run("match", each, "--object", "ball", "--from", "#d92619", "--to", "#1f5fbf", "--out", edit) == 0
         assert run("render", each, "--views", "test_r_0", "--edit", edit, "--out", out) == 0

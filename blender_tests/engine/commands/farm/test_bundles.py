@@ -91,11 +91,6 @@ def test_failed_bundle_overwrites_and_leaves_nothing(learned, still_life, tmp_pa
     assert names_in(tmp_path) == ["edit.json", "masks", "taken"] and names_in(tmp_path / "taken") == ["note"]
 
 
-def replace_by_link(place, target):
-    place.unlink()
-    place.symlink_to(target)
-
-
 @pytest.fixture
 def film(still_life, learned, tmp_path):
     """A capture, its masks and its project in one folder, beside a secret."""
@@ -134,8 +129,9 @@ def test_outside_photos_are_packed_only_from_named_folder(film, tmp_path):
 
 def test_outside_links_are_packed_only_from_named_folder(film, tmp_path):
     capture, masks = film / "capture", film / "masks"
-    photo = capture / "train" / "r_0.png"
-    replace_by_link(photo, tmp_path / "pictures" / "train" / "r_0.png")
+    photo, mask = capture / "train" / "r_0.png", next(masks.rglob("*.png"))
+    photo.unlink()
+    photo.symlink_to(tmp_path / "pictures" / "train" / "r_0.png")
     for name in ("notes.txt", "keys.json"):
         (capture / name).symlink_to(tmp_path / "id_rsa")
     with pytest.raises(BadRequest, match="--photos"):
@@ -144,7 +140,8 @@ def test_outside_links_are_packed_only_from_named_folder(film, tmp_path):
     bundle = karf.learning_bundle(capture, masks, tmp_path / "bundle", **named)
     assert (bundle / "capture" / "train" / "r_0.png").read_bytes() == photo.read_bytes()
     assert not list(bundle.rglob("notes.txt")) and not list(bundle.rglob("keys.json"))
-    replace_by_link(next(masks.rglob("*.png")), tmp_path / "id_rsa")
+    mask.unlink()
+    mask.symlink_to(tmp_path / "id_rsa")
     with pytest.raises(DataError, match="is a link to"):
         karf.learning_bundle(capture, masks, tmp_path / "other", **named)
 

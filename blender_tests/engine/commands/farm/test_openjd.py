@@ -33,19 +33,11 @@ sys.exit(main(arguments))
 """
 
 
-def openjd(verb, bundle, *arguments):
-    return subprocess.run(
-        [OPENJD, verb, bundle / "template.json", *map(str, arguments)],
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-
-
-def succeeds(verb, bundle, *arguments):
-    done = openjd(verb, bundle, *arguments)
-    assert done.returncode == 0, done.stdout + done.stderr
+def openjd(verb, bundle, *arguments, fails=False):
+    """Run openjd, which must succeed or fail; returns its output."""
+    command, environment = [OPENJD, verb, bundle / "template.json", *arguments], os.environ | {"OMP_NUM_THREADS": "1"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert (done.returncode != 0) == fails, done.stdout + done.stderr
     return done.stdout
 
 
@@ -62,18 +54,17 @@ def test_rerun_after_a_killed_task_gives_the_frames_of_a_single_run(learned, tmp
     chosen = {"views": str(sequence.cameras), "edit": sequence.edit, "per_task": 3, "threads": 1}
     bundle = karf.render_bundle(learned.project, tmp_path / "bundle", **chosen).rename(tmp_path / "farm")
     frames = bundle / "frames" / "recolor"
-    assert "Total tasks: 4" in succeeds("summary", bundle)
+    assert "Total tasks: 4" in openjd("summary", bundle)
     dying = tmp_path / "dying_python"
     dying.write_text(DYING)
     dying.chmod(0o755)
     for first in (1, 4, 7, 10):
         python = dying if first == 4 else sys.executable
         words = ("--step", "Render", "--task-param", f"Frame={first}", "-p", f"EnginePython={python}")
-        done = openjd("run", bundle, *words)
-        assert (done.returncode != 0) == (first == 4), done.stdout + done.stderr
+        openjd("run", bundle, *words, fails=first == 4)
     assert len(pictures(frames)) == 11
     kept = (frames / "frame_0004.png").stat().st_mtime_ns
-    succeeds("run", bundle, "-p", f"EnginePython={sys.executable}")
+    openjd("run", bundle, "-p", f"EnginePython={sys.executable}")
     assert pictures(bundle / "frames") == pictures(tmp_path / "single")
     assert len(pictures(frames)) == 12 and (frames / "frame_0004.png").stat().st_mtime_ns == kept
 
@@ -83,8 +74,8 @@ def test_learning_bundle_learns_and_renders_a_capture(still_life, learned, tmp_p
     chosen = {"overrides": (*QUICK, *few), "views": "test", "per_task": 1, "threads": 1}
     bundle = karf.learning_bundle(still_life.capture, still_life.masks, tmp_path / "bundle", **chosen)
     bundle = bundle.rename(tmp_path / "farm")
-    succeeds("check", bundle)
-    succeeds("run", bundle, "--step", "Render", "--run-dependencies", "-p", f"EnginePython={sys.executable}")
+    openjd("check", bundle)
+    openjd("run", bundle, "--step", "Render", "--run-dependencies", "-p", f"EnginePython={sys.executable}")
     project = Project(bundle / "project")
     assert all(project.finished(stage) for stage in STAGE_ORDER)
     assert sorted(path.stem for path in (bundle / "frames" / "render").iterdir()) == ["test_r_0", "test_r_1"]
@@ -96,4 +87,4 @@ def test_render_bundle_is_a_valid_template(learned, tmp_path):
     photos = {"views": "test", "edit": sequence.edit, "depth": True}
     cameras = {"views": str(sequence.cameras), "edit": [sequence.edit] * 3}
     for name, options in (("photos", photos), ("cameras", cameras)):
-        succeeds("check", karf.render_bundle(learned.project, tmp_path / name, **options))
+        openjd("check", karf.render_bundle(learned.project, tmp_path / name, **options))
