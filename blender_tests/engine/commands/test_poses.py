@@ -153,31 +153,26 @@ def test_sampson_error_is_the_shift_from_the_epipolar_line():
 
 
 def test_invalid_requests_are_rejected_before_writing(tmp_path, capsys):
-    photos, capture = write_noise(tmp_path / "photos", 2, size=8), tmp_path / "capture"
-    (photos / "damaged.jpg").write_bytes(b"")
-    with pytest.raises(DataError, match=r"damaged\.jpg is empty"):
-        run(photos, capture)
-    (photos / "damaged.jpg").unlink()
-    with pytest.raises(DataError, match="holds 2 photos; poses need at least 3"):
-        run(photos, capture)
-    film = tmp_path / "film.mp4"
+    photos, damaged, film = write_noise(tmp_path / "photos", 2, 8), tmp_path / "damaged", tmp_path / "film.mp4"
+    write_noise(damaged, 2, 8).joinpath("damaged.jpg").write_bytes(b"")
     film.write_bytes(b"no film at all")
-    with pytest.raises(DataError, match=r"film\.mp4 is not a video that can be read"):
-        run(film, capture)
-    film.unlink()
-    for error, message, *words, options in (
-        (DataError, "nowhere does not exist", tmp_path / "nowhere", capture, {}),
-        (BadRequest, "already exists and is not empty", photos, photos, {}),
-        (BadRequest, "matching = 'all' is unknown", photos, capture, {"matching": "all"}),
+    before, capture = sorted(tmp_path.rglob("*")), tmp_path / "capture"
+    for error, message, options in (
+        (DataError, r"damaged\.jpg is empty", {"photos": damaged}),
+        (DataError, "holds 2 photos; poses need at least 3", {}),
+        (DataError, r"film\.mp4 is not a video that can be read", {"photos": film}),
+        (DataError, "nowhere does not exist", {"photos": tmp_path / "nowhere"}),
+        (BadRequest, "already exists and is not empty", {"out": photos}),
+        (BadRequest, "matching = 'all' is unknown", {"matching": "all"}),
     ):
         with pytest.raises(error, match=message):
-            run(*words, **options)
+            run(**{"photos": photos, "out": capture} | options)
     with pytest.raises(BadRequest, match="was given no out"):
         run_command(PosesOptions.of(photos=photos), Events(), lambda: False)
     assert main(["poses", str(photos), "--out", str(capture)]) == 4
     printed = capsys.readouterr().err
     assert "error: " in printed and "poses need at least 3" in printed
-    assert [path.name for path in tmp_path.iterdir()] == ["photos"]
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_missing_pycolmap_names_the_install_command(tmp_path, monkeypatch):

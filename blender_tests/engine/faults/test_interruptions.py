@@ -122,11 +122,7 @@ def photos_missing(bench, scenario):
         away.rename(photos)
 
 
-@pytest.mark.parametrize(
-    "fault",
-    [project_moved_away_and_back, project_deleted, project_read_only, photos_missing],
-    ids=lambda fault: fault.__name__,
-)
+@pytest.mark.parametrize("fault", [project_moved_away_and_back, project_deleted, project_read_only, photos_missing])
 def test_missing_or_read_only_folders_lose_nothing(bench, throw, few, fault):
     for scenario in bench.some(few):
         if scenario.start is not None or fault in (project_read_only, photos_missing):
@@ -142,9 +138,8 @@ def test_impossible_project_path_is_rejected(bench, name):
 
 
 def repetitions(bench, few):
-    return [
-        scenario for scenario in bench.some(few) if scenario.title.endswith("again") for _ in range(1 if few else 5)
-    ]
+    """The scenarios in which a stage runs again, each once or five times."""
+    return [scenario for scenario in bench.some(few) if scenario.title.endswith("again")] * (1 if few else 5)
 
 
 def test_concurrent_engines_do_the_work_once(bench, throw, few, chance):
@@ -164,10 +159,9 @@ def test_render_during_a_stage_never_mixes_scenes(bench, throw, few, chance):
     valid = [{n: d for n, d in state.pictures.items() if n[:7] != "planes/"} for state in bench.states.values()]
 
     def render_meanwhile(scenario):
-        child = Child(scenario.command)
-        time.sleep(chance.uniform(0, 1.0) * scenario.seconds)
-        pictures, rendered = bench.pictures(planes=False)
-        ended = child.wait()
+        found = []
+        ended = run_and_act(scenario, chance.uniform(0, 1.0), lambda _: found.extend(bench.pictures(planes=False)))
+        pictures, rendered = found
         assert rendered.flaw is None
         assert rendered.code or pictures in valid, "a mixture of two scenes"
         return ended

@@ -27,19 +27,18 @@ TARGETS = {  # of a link, from its name and a folder outside
 @pytest.fixture(scope="module")
 def commands(bench):
     """Every command on a project, those that change it last."""
-    out, made = str(bench.project / "out"), bench.folder / "made"
     project, view = str(bench.project), ("--views", "test_r_0", "--threads", "1")
     sheet = bench.folder / "sheet.json"
     sheet.write_text(json.dumps([{"colorway": "blue", "object": "ball", "hex": "#3059b8"}]))
     return [
         ["palette", project, "--json"],
-        ["palette", project, "--out", str(bench.project / "out" / "edit.json")],
-        [*bench.match[:-1], str(bench.project / "out" / "match.json")],
-        ["farm", project, "--out", str(made / "farm"), *view],
-        ["points", project, "--out", str(bench.project / "points.npz"), "--count", "1000", "--threads", "1"],
-        ["export-splat", project, "--out", str(bench.project / "out" / "a.ply"), "--threads", "1"],
-        ["colorways", project, "--sheet", str(sheet), "--out", out, *view],
-        ["render", project, "--out", out, "--planes", "--layers", "--depth", *view],
+        ["palette", project, "--out", f"{project}/out/edit.json"],
+        [*bench.match[:-1], f"{project}/out/match.json"],
+        ["farm", project, "--out", str(bench.folder / "made" / "farm"), *view],
+        ["points", project, "--out", f"{project}/points.npz", "--count", "1000", "--threads", "1"],
+        ["export-splat", project, "--out", f"{project}/out/a.ply", "--threads", "1"],
+        ["colorways", project, "--sheet", str(sheet), "--out", f"{project}/out", *view],
+        ["render", project, "--out", f"{project}/out", "--planes", "--layers", "--depth", *view],
         *(bench.command(stage, True, stage) for stage in ("splats", "recoloring", "palette", "segmentation")),
         bench.command("geometry", True),
     ]
@@ -62,16 +61,15 @@ def entries(project):
     return sorted({path for path in found if len(path.parts) == 1} | {*first.values()})
 
 
-def state_of(folder, but):
-    """The bytes of all files in a folder, except in the folders `but`."""
-    paths = [path for path in folder.rglob("*") if not any(path.is_relative_to(own) for own in but)]
+def state_outside(bench):
+    """The bytes of all files in the workspace, except in the project and in what commands make."""
+    own = (bench.project, bench.folder / "made")
+    paths = [path for path in bench.folder.rglob("*") if not any(path.is_relative_to(folder) for folder in own)]
     return {path: path.read_bytes() if path.is_file() and not path.is_symlink() else None for path in paths}
 
 
 def test_link_in_project_changes_nothing_outside(bench, commands, complete, few, subtests):
     outside = shutil.copytree(bench.complete.folder, bench.folder / "outside")
-    made = bench.folder / "made"
-    own = (bench.project, made)
     for number, place in enumerate([*entries(complete), *map(Path, ABSENT)]):
         for kind in [list(TARGETS)[number % len(TARGETS)]] if few else TARGETS:
             with subtests.test(place=str(place), kind=kind):
@@ -80,13 +78,13 @@ def test_link_in_project_changes_nothing_outside(bench, commands, complete, few,
                 path.parent.mkdir(parents=True, exist_ok=True)
                 shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
                 path.symlink_to(TARGETS[kind](path.name, outside))
-                before = state_of(bench.folder, own)
+                before = state_outside(bench)
                 codes, text = run_all(commands[:N_READING] if few and place.parts[0] in ONLY_READ else commands)
                 assert "Traceback" not in text and "Internal error" not in text, text
                 assert None not in codes and all(code in (0, 2, 4) for code in codes), (codes, text)
-                after = state_of(bench.folder, own)
+                after = state_outside(bench)
                 assert sorted(path for path in before.keys() | after if before.get(path, 0) != after.get(path, 0)) == []
-                shutil.rmtree(made, ignore_errors=True)
+                shutil.rmtree(bench.folder / "made", ignore_errors=True)
 
 
 def test_linked_project_folder_works(bench, commands, complete):
