@@ -9,6 +9,9 @@ from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.cli import main
+from karf_engine.io.images import read_mask, read_photo
+from karf_engine.metrics.images import psnr
+from karf_engine.metrics.masks import iou
 from karf_engine.project import STAGE_ORDER, Project
 
 
@@ -27,6 +30,15 @@ def model(learned):
 def run(*words):
     """Run the command line; returns its exit code."""
     return main([*map(str, words)])
+
+
+def assert_renders_well(frames, still_life, lowest_psnr, lowest_iou):
+    """Assert that renders and masks of both held-out views agree with the truth."""
+    for stem in ("r_0", "r_1"):
+        truth = still_life.photos[f"test/{stem}"]
+        assert psnr(read_photo(frames / "render" / f"test_{stem}.png")[..., :3], truth.color) > lowest_psnr
+        for label, name in ((1, "ball"), (2, "block")):
+            assert iou(read_mask(frames / "masks" / name / f"test_{stem}.png"), truth.labels == label) > lowest_iou
 
 
 def stages_run(printed):

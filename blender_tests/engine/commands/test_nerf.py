@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from blender_tests.engine.commands.conftest import run
+from blender_tests.engine.commands.conftest import assert_renders_well, geometry_command, run
 from karf_engine.errors import Cancelled
 from karf_engine.fields.files import SCHEMA
 from karf_engine.io.checkpoints import load_tensors
-from karf_engine.io.images import read_mask, read_photo, resize
+from karf_engine.io.images import read_photo, resize
 from karf_engine.metrics.images import psnr
-from karf_engine.metrics.masks import iou
 from karf_engine.palettes.palette import read_palettes
 from karf_engine.project import Project
 
@@ -65,15 +64,6 @@ def rendered(project, out, *more):
     return out
 
 
-def assert_renders_well(out, still_life, lowest_psnr, lowest_iou):
-    """Assert that held-out views agree with the truth."""
-    for stem in ("r_0", "r_1"):
-        photo = still_life.photos[f"test/{stem}"]
-        assert psnr(read_photo(out / "render" / f"test_{stem}.png")[..., :3], photo.color) >= lowest_psnr
-        for label, name in ((1, "ball"), (2, "block")):
-            assert iou(read_mask(out / "masks" / name / f"test_{stem}.png"), photo.labels == label) >= lowest_iou
-
-
 def test_paper_preset_learns_every_stage_on_a_nerf(project, still_life, tmp_path):
     geometry = project.finished("geometry")
     assert geometry["space"] == "box" and geometry["parameters"] > 10_000
@@ -121,8 +111,7 @@ def test_foreign_nerf_becomes_the_geometry(imported, checkpoint, still_life, tmp
 
 def test_only_another_checkpoint_is_imported_again(imported, checkpoint, still_life, tmp_path):
     project = Project(shutil.copytree(imported.folder, tmp_path / "project"))
-    command = [*still_life.command(project.folder, *SMALL), "--nerf"]
-    command[0:4] = ["geometry", command[1]]
+    command = [*geometry_command(still_life, project.folder, *SMALL), "--nerf"]
     before = project.finished("geometry")
     assert run(*command, checkpoint) == 0
     assert project.finished("geometry") == before
