@@ -205,7 +205,7 @@ def test_odd_path_prints_on_ascii_console(odd_project):
     assert done.returncode == 4 and "is not a KaRF project" in done.stderr and "\\u58fa" in done.stderr
 
 
-def test_extension_in_odd_folder_runs_job_like_blender(odd_project):
+def test_extension_in_odd_folder_runs_a_job(odd_project):
     engine = odd_project.with_name("karf engine 1") / "karf_engine"
     shutil.copytree(ROOT / "karf_engine", engine, ignore=shutil.ignore_patterns("__pycache__"))
     job, edit = Project(odd_project).new_job("match"), odd_project.with_name("Änderung 1.json")

@@ -113,13 +113,13 @@ def test_unwritable_events_keep_exit_code_and_message(tmp_path, capsys, monkeypa
 
 
 @needs_full
-def test_full_disk_of_the_log_keeps_the_exit_code(tmp_path):
+def test_log_on_full_disk_keeps_the_exit_code(tmp_path):
     with FULL.open("w") as full:
         assert engine("palette", tmp_path, stderr=full).returncode == 4
 
 
 @needs_full
-def test_full_disk_of_the_events_ends_job_with_one_line(tmp_path):
+def test_events_on_full_disk_end_job_with_one_line(tmp_path):
     Request("palette", tmp_path).write(tmp_path)
     (tmp_path / "events.jsonl").symlink_to(FULL)
     done = engine("run", tmp_path, capture_output=True, text=True)

@@ -50,17 +50,17 @@ class Events:
     """A job's `emit` that records its events as (kind, values)."""
 
     def __init__(self):
-        self.told = []
+        self.recorded = []
 
     def __call__(self, kind, /, **values):
-        self.told.append((kind, values))
+        self.recorded.append((kind, values))
 
     def values(self, kind, name):
         """Return the value of this name in each event of a kind."""
-        return [values.get(name) for own, values in self.told if own == kind]
+        return [values.get(name) for own, values in self.recorded if own == kind]
 
     def is_done_already(self, stage):
-        return ("stage", {"name": stage, "text": "already done"}) in self.told
+        return ("stage", {"name": stage, "text": "already done"}) in self.recorded
 
 
 @pytest.fixture

@@ -124,10 +124,10 @@ def test_unsupervised_weights_do_not_affect_learning(scene):
 def test_learning_rate_is_constant_or_warms_up_and_falls(scene, monkeypatch, schedule, highest, lowest):
     factors = []
 
-    def note(training_state, until, step, factor, progress, checkpoint):
+    def record_factors(training_state, until, step, factor, progress, checkpoint):
         factors.extend(factor(i, training_state.iterations) for i in range(until + 1))
 
-    monkeypatch.setattr("karf_engine.heads.fit.train", note)
+    monkeypatch.setattr("karf_engine.heads.fit.train", record_factors)
     fit(scene, rays_with(scene), RecoloringSettings(iterations=60, schedule=schedule))
     assert max(factors) == pytest.approx(highest, abs=0.1) and min(factors[20:]) == pytest.approx(lowest)
     assert (factors[0] < 0.1) == (schedule == "cosine")

@@ -70,10 +70,10 @@ def test_demo_photos_are_placed_near_their_true_poses(tmp_path):
     assert len(capture.points) > 100
     assert sorted(path.name for path in tmp_path.iterdir()) == ["capture", "photos"]
     assert sorted(path.name for path in (tmp_path / "capture").iterdir()) == ["images", "sparse"]
-    last = {values["stage"]: values for kind, values in events.told if kind == "progress"}
+    last = {values["stage"]: values for kind, values in events.recorded if kind == "progress"}
     assert list(last)[-3:] == ["features", "matching", "mapping"]
     assert all(values["step"] == values["total"] for values in last.values())
-    assert events.told[-1] == ("artifact", {"kind": "capture", "path": str(tmp_path / "capture")})
+    assert events.recorded[-1] == ("artifact", {"kind": "capture", "path": str(tmp_path / "capture")})
 
 
 def test_rotated_photos_are_copied_upright_and_others_linked(tmp_path):
@@ -130,7 +130,7 @@ def test_unrelated_photos_are_rejected_with_a_hint(tmp_path):
 )
 def test_unplaced_photos_or_bad_matches_give_a_warning(events, placed, share, warning):
     poses._judge(Path("p"), SfmResult(placed, share), 100, events)
-    assert [kind for kind, _ in events.told] == (["warning"] if warning else [])
+    assert [kind for kind, _ in events.recorded] == (["warning"] if warning else [])
     assert all(warning in sentence for sentence in events.values("warning", "sentence"))
 
 

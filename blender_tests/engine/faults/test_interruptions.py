@@ -34,12 +34,12 @@ def in_rotation(bench, tries):
     return itertools.islice(itertools.cycle(ordered), tries)
 
 
-def test_kills_at_random_moments(bench, throw, kills, chance):
+def test_kills_at_random_moments_lose_nothing(bench, throw, kills, chance):
     for scenario in in_rotation(bench, kills):
         throw(scenario, partial(run_and_act, scenario, chance.uniform(0, 1.05), Child.stop))
 
 
-def test_cancelling_at_random_moments(bench, throw, kills, chance):
+def test_cancelling_at_random_moments_loses_nothing(bench, throw, kills, chance):
     for scenario in in_rotation(bench, max(1, kills // 5)):
         throw(scenario, partial(run_and_act, scenario, chance.uniform(0, 1.0), lambda child: child.stop(signal.SIGINT)))
 
@@ -49,7 +49,7 @@ def run_killed_at_change(bench, scenario, number):
     assert ended.code in (0, -signal.SIGKILL)  # 0: this run made fewer changes
 
 
-def test_kills_before_each_change_of_a_file(bench, throw, few):
+def test_kills_before_each_file_change_lose_nothing(bench, throw, few):
     for scenario in bench.repeated(few):
         changes = bench.changes(scenario, flushes=False)  # a kill cannot tell whether a file was flushed
         for number in range(1, len(changes) + 1, 12 if few else 1):
@@ -57,7 +57,7 @@ def test_kills_before_each_change_of_a_file(bench, throw, few):
             throw(scenario, killed, before=changes[number - 1], number=number)
 
 
-def test_full_disk_from_each_change_of_a_file(bench, throw, few):
+def test_full_disk_at_each_file_change_loses_nothing(bench, throw, few):
     for scenario in bench.repeated(few):
         count = len(bench.changes(scenario, flushes=True))
         for number in range(1, count + 1, 16 if few else 1):
@@ -71,7 +71,7 @@ def limit_memory(megabytes):
     resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (megabytes << 20),) * 2)
 
 
-def test_little_memory_suffices_or_exits_with_5(bench, throw, few):
+def test_stage_in_little_memory_succeeds_or_exits_with_5(bench, throw, few):
     def in_little_memory(scenario, megabytes):
         ended = run(scenario.command, partial(limit_memory, megabytes))
         assert ended.code in (0, OUT_OF_MEMORY, *DEATHS), ended.text
@@ -123,7 +123,7 @@ def photos_missing(bench, scenario):
 
 
 @pytest.mark.parametrize("fault", [project_moved_away_and_back, project_deleted, project_read_only, photos_missing])
-def test_missing_or_read_only_folders_lose_nothing(bench, throw, few, fault):
+def test_vanished_or_read_only_folders_lose_nothing(bench, throw, few, fault):
     for scenario in bench.some(few):
         if scenario.start is not None or fault in (project_read_only, photos_missing):
             throw(scenario, partial(fault, bench, scenario))

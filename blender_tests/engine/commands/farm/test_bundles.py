@@ -160,7 +160,7 @@ def test_packed_files_are_listed_before_writing(learned, tmp_path):
     assert any(line.startswith("packing 2 files") for line in lines)
 
 
-def test_part_of_views_renders_like_all(sequence, tmp_path):
+def test_view_range_renders_like_all_and_must_not_be_empty(sequence, tmp_path):
     sequence.render(tmp_path / "all")
     sequence.render(tmp_path / "part", first=2, last=4, count=2)
     assert names_in(tmp_path / "part" / "recolor") == ["frame_0002.png", "frame_0003.png"]

@@ -23,11 +23,11 @@ sys.path.insert(0, os.path.dirname(engine))
 from karf_engine.cli import main
 from karf_engine.export.finished_frames import FinishedFrames
 record, recorded = FinishedFrames.record, []
-def dying(self, frame, *told):
+def dying(self, frame, *values):
     if recorded:
         os.kill(os.getpid(), signal.SIGKILL)
     recorded.append(frame)
-    record(self, frame, *told)
+    record(self, frame, *values)
 FinishedFrames.record = dying
 sys.exit(main(arguments))
 """
@@ -48,7 +48,7 @@ def pictures(folder):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a script is not a program there, and no signal kills")
-def test_rerun_after_a_killed_task_gives_the_frames_of_a_single_run(learned, tmp_path):
+def test_rerun_after_killed_task_equals_a_single_run(learned, tmp_path):
     sequence = Sequence(learned.project, tmp_path, 12)
     sequence.render(tmp_path / "single")
     chosen = {"views": str(sequence.cameras), "edit": sequence.edit, "per_task": 3, "threads": 1}
