@@ -118,8 +118,6 @@ def test_check_reports_status_and_remedy(monkeypatch, tmp_path, patches, check, 
 def test_locks_that_do_not_hold_give_a_warning(monkeypatch, tmp_path):
     import filelock
 
-    from karf_engine.io import locks as io_locks
-
     class Loose(filelock.FileLock):
         def _acquire(self):
             self._context.lock_file_fd = os.open(os.devnull, os.O_RDONLY)
@@ -128,28 +126,24 @@ def test_locks_that_do_not_hold_give_a_warning(monkeypatch, tmp_path):
             os.close(self._context.lock_file_fd)
             self._context.lock_file_fd = None
 
-    monkeypatch.setattr(io_locks, "FileLock", Loose)
+    monkeypatch.setattr("karf_engine.io.locks.FileLock", Loose)
     found = doctor.locks(tmp_path)
     assert found.status == WARNING and "two jobs could write at once" in found.sentence
 
 
 def test_cuda_build_without_cards_gives_a_warning(monkeypatch):
-    import torch
-
-    monkeypatch.setattr(torch.version, "cuda", "12.8")
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr("torch.version.cuda", "12.8")
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     build, device = doctor.devices(None)
     assert build.status == WARNING and "CUDA 12.8" in build.sentence and "driver" in build.remedy
     assert device == Finding("device", OK, "Stages compute on the processor.")
 
 
 def test_cards_are_listed_with_their_memory(monkeypatch):
-    import torch
-
     facts = SimpleNamespace(name="RTX 4090", total_memory=24 * 10**9)
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
-    monkeypatch.setattr(torch.cuda, "get_device_properties", lambda number: facts)
+    monkeypatch.setattr("torch.cuda.is_available", lambda: True)
+    monkeypatch.setattr("torch.cuda.device_count", lambda: 1)
+    monkeypatch.setattr("torch.cuda.get_device_properties", lambda number: facts)
     found = {finding.name: finding.sentence for finding in doctor.devices("cpu")}
     assert found["cuda:0"] == "cuda:0 is RTX 4090 with 24.0 GB of memory."
 
@@ -199,10 +193,8 @@ def test_doctor_stops_when_python_drops_the_signals_exception(monkeypatch, capsy
 
 
 def test_failing_stage_is_named_and_ends_the_smoke_run(monkeypatch, capsys):
-    from karf_engine import api
-
-    monkeypatch.setattr(api, "learn_geometry", Mock())
-    monkeypatch.setattr(api, "segment", Mock(side_effect=ValueError("operands do not fit")))
+    monkeypatch.setattr("karf_engine.api.learn_geometry", Mock())
+    monkeypatch.setattr("karf_engine.api.segment", Mock(side_effect=ValueError("operands do not fit")))
     geometry, segmentation = smoke.stages()
     assert geometry.status == OK and segmentation.status == ERROR
     assert "The stage segmentation does not run: ValueError('operands do not fit')." == segmentation.sentence
@@ -253,8 +245,6 @@ def test_range_includes_lowest_and_excludes_end():
 
 
 def test_measured_speed_excludes_the_first_iterations(monkeypatch):
-    from karf_engine import api
-
     times = iter((0.0, 5.0, 5.5, 6.5))
     monkeypatch.setattr(smoke.time, "perf_counter", lambda: next(times))
 
@@ -263,7 +253,7 @@ def test_measured_speed_excludes_the_first_iterations(monkeypatch):
         for step in (4, 12, 20, 40):
             emit("progress", stage="geometry", step=step)
 
-    monkeypatch.setattr(api, "learn_geometry", learn)
+    monkeypatch.setattr("karf_engine.api.learn_geometry", learn)
     assert smoke.samples_per_second() == pytest.approx(smoke.REAL_SPEED * smoke.SAMPLES * 28 / 1.5)
 
 

@@ -47,7 +47,8 @@ def stacked_palettes(scene):
 
 
 def fit(scene, rays, settings):
-    """Train a recoloring field."""
+    """Train a recoloring field, always from the same initial values."""
+    torch.manual_seed(0)
     counts = [len(palette.colors) for palette in scene.palettes]
     karf = RecoloringField(scene.segmentation.bounds, scene.field.n_features, counts, settings)
     progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", settings.iterations)
@@ -110,7 +111,6 @@ def test_unsupervised_weights_do_not_affect_learning(scene):
     settings = RecoloringSettings(iterations=5, batch=128, width=8, weight_loss=1.0)
 
     def learned_with(weights):
-        torch.manual_seed(0)
         karf = fit(scene, replace(rays, weights=weights, supervised=some), settings)
         return torch.cat([parameter.detach().ravel() for parameter in karf.parameters()])
 

@@ -13,7 +13,7 @@ import pytest
 from blender_tests.engine.commands.farm.sequences import Sequence
 from blender_tests.engine.conftest import QUICK
 from blender_tests.engine.faults import engine
-from blender_tests.engine.faults.traps import no_memory_at_changes, refuse_changes
+from blender_tests.engine.faults.traps import refuse_changes
 from blender_tests.engine.splats.clouds import cloud
 from karf_engine.project import Project
 from karf_engine.project.state import without_stage, write_state
@@ -69,7 +69,7 @@ FAULTS = {  # and the commands that they strike
     "no permission": (partial(refuse_changes, number=errno.EACCES), SOME),
     "no byte can be written": (no_bytes, COMMANDS),
     "no byte, on another disk": (no_bytes_and_no_links, ("poses", "import-splat")),
-    "no memory": (no_memory_at_changes, COMMANDS),
+    "no memory": (partial(refuse_changes, number=None), COMMANDS),
 }
 
 

@@ -29,8 +29,8 @@ def die_at_change(folder: Path, number: int) -> None:
     _at_each_change(folder, lambda event, _: next(count) == number and os.kill(os.getpid(), signal.SIGKILL), False)
 
 
-def refuse_changes(folder: Path, number: int, first: int = 1, names: bool = True) -> None:
-    """Fail changes from the `first` on, except removals, with the system's error of this number.
+def refuse_changes(folder: Path, number: int | None, first: int = 1, names: bool = True) -> None:
+    """Fail changes from the `first` on, except removals, with the system's error of this number (None: no memory).
 
     names: whether the error names the path, as system calls do; without it, flushes count as changes.
     """
@@ -38,19 +38,9 @@ def refuse_changes(folder: Path, number: int, first: int = 1, names: bool = True
 
     def act(event: str, path: str) -> None:
         if next(count) >= first and not event.startswith(REMOVALS):
-            raise OSError(number, os.strerror(number), *([path] if names else []))
+            raise MemoryError if number is None else OSError(number, os.strerror(number), *([path] if names else []))
 
     _at_each_change(folder, act, flushes=not names)
-
-
-def no_memory_at_changes(folder: Path) -> None:
-    """Fail each change for lack of memory."""
-
-    def act(event: str, _: str) -> None:
-        if not event.startswith(REMOVALS):
-            raise MemoryError
-
-    _at_each_change(folder, act, False)
 
 
 def _at_each_change(folder: Path, act: Callable[[str, str], object], flushes: bool) -> None:
