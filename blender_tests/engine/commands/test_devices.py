@@ -10,10 +10,10 @@ PRETEND = "blender_tests.engine.pretend_device"
 pytest.importorskip(PRETEND, reason="this torch has no device made of Python alone", exc_type=ImportError)
 
 from blender_tests.engine.commands.conftest import geometry_command, run
+from blender_tests.engine.fields.fitting import points_on_the_still_life
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.nerf import still_life as views_and_photos
 from blender_tests.engine.reference.still_life import camera_at
-from karf_engine.capture.capture import SparsePoints
 from karf_engine.compute import runtime
 from karf_engine.compute.progress import Progress
 from karf_engine.fields.files import load_scene, save_scene
@@ -53,23 +53,12 @@ def start_fit(kind, space, field, device):
     colors = [photo.color for photo in photos]
     alphas = [photo.alpha for photo in photos] if kind == "alpha" else None
     solids = [photo.color.max(2) > 0.1 for photo in photos] if kind in ("black", "white") else None
-    dataset = PixelDataset([view.camera for view in views], colors, alphas, solids, device=device)
+    cameras = [view.camera for view in views]
+    dataset = PixelDataset(cameras, colors, alphas, solids, device=device)
+    points = points_on_the_still_life(cameras, photos)
     where = runtime.start_runtime(0, threads=1, device=str(device))
-    inputs = FitInputs(dataset, kind, space, views, central_points(views), replace(SETTINGS, field=field), where)
+    inputs = FitInputs(dataset, kind, space, views, points, replace(SETTINGS, field=field), where)
     return field_kind(field).start(inputs), dataset
-
-
-def central_points(views):
-    """A few points amid the still life, seen by every view."""
-    positions = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 3))
-    return SparsePoints(
-        positions,
-        np.zeros((20, 3), np.uint8),
-        np.full(20, 0.3, np.float32),
-        np.repeat(np.arange(len(views)), 20).astype(np.int32),
-        np.tile(np.arange(20), len(views)).astype(np.int32),
-        np.concatenate([view.camera.project(positions)[0] for view in views]).astype(np.float32),
-    )
 
 
 GEOMETRIES = [

@@ -9,7 +9,7 @@ import pytest
 
 from blender_tests.engine.commands.conftest import Events
 from blender_tests.engine.conftest import QUICK as BOX
-from blender_tests.engine.fields.voxels.test_fit_open import points_on_the_still_life
+from blender_tests.engine.fields.fitting import points_on_the_still_life
 from blender_tests.engine.peak import peak_of
 from blender_tests.engine.reference.still_life import cameras, take_photo
 from karf_engine.capture.capture import Capture, View, hold_out

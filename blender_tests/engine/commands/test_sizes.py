@@ -126,7 +126,7 @@ def test_rough_masks_use_the_stored_photos_grid(model, photo, tmp_path, orientat
     frame = model.render_field(model.working_camera(view))
     bright = to_bytes(photo.color)[..., 0] > 127
     make_photo_view(view, "photo", frame, Marks(bright[None], (False,)), matting, model.objects, model.palettes)
-    ((shown, _, _, marks), _) = matting.call_args
+    (((shown, _, _, marks), _),) = matting.call_args_list
     assert_array_equal(marks.drawn[0], shown[..., 0] > 127)
 
 

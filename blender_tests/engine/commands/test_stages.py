@@ -56,7 +56,6 @@ def contents(project):
     return {path.relative_to(project.folder): path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
 
 
-# ------------------------------------------------------------------------------------------------------------- learning
 def test_every_stage_stores_its_results(learned):
     project = Project(learned.project)
     assert all(project.finished(stage)["seconds"] > 0 for stage in STAGE_ORDER)
@@ -126,7 +125,6 @@ def test_no_view_shows_an_object_beyond_its_volume(copy):
     assert not after.segmentation.inside(beyond)[0, block]
 
 
-# ------------------------------------------------------------------------------------------------------------ rendering
 def test_held_out_views_match_color_masks_depth_and_uncertainty(still_life, frames):
     assert_renders_well(frames, still_life, 20, 0.6)
     for stem in ("r_0", "r_1"):
@@ -199,7 +197,6 @@ def test_free_cameras_are_rendered_recolored_and_layered(learned, green, tmp_pat
     np.testing.assert_array_equal(depth, np.load(tmp_path / "depth" / "frame_0.npy"))
 
 
-# ------------------------------------------------------------------------------------------------------------- palettes
 def test_palettes_print_as_json(learned, capsys):
     assert run("palette", learned.project, "--json") == 0
     printed = json.loads(capsys.readouterr().out)
@@ -235,7 +232,7 @@ def test_edit_matched_from_a_painted_view_fits_other_views(still_life, learned, 
         assert np.abs(made - wanted)[inside].mean() < 0.05 * np.abs(photo - wanted)[inside].mean()
 
 
-def test_unchanged_or_missized_picture_is_rejected(still_life, learned, tmp_path):
+def test_unchanged_or_wrongly_sized_picture_is_rejected(still_life, learned, tmp_path):
     view = open_capture(still_life.capture).split("test")[0]
     iio.imwrite(tmp_path / "wide.png", np.zeros((20, 80, 3), np.uint8))
     match = ("match", learned.project, "--out", tmp_path / "out.json", "--view", view.name)
@@ -257,7 +254,6 @@ def test_matched_edits_change_one_object_and_combine(learned, green, tmp_path, r
     assert all(rgb_to_hex(colors[0]) == "#000000" for colors in both.colors.values())
 
 
-# -------------------------------------------------------------------------------------------------------- every command
 def test_every_command_has_the_same_signature_and_can_be_a_job():
     for name in (name for name, kind in COMMANDS.items() if kind is not LearnOptions):
         run = import_module(f"karf_engine.commands.{name.replace('-', '_')}").run

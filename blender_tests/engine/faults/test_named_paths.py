@@ -15,7 +15,7 @@ from blender_tests.engine.conftest import QUICK
 from blender_tests.engine.faults import engine
 from blender_tests.engine.faults.traps import refuse_changes
 from blender_tests.engine.splats.clouds import cloud
-from karf_engine.project import Project
+from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.state import without_stage, write_state
 from karf_engine.splats.formats import ply
 from karf_engine.splats.formats.splat_file import SplatFile
@@ -45,9 +45,6 @@ COMMANDS = {
     "farm that learns": "farm {capture} --masks {masks} --out {out}/bundle",
     "run": "run {out}/job",
 }  # fmt: skip
-
-STAGES = ("segmentation", "palette", "recoloring", "splats")
-MATCH = {"object": "ball", "source": "#b5302c", "target": "#3059b8"}
 
 
 def no_bytes(_: Path) -> None:
@@ -95,9 +92,10 @@ def test_failed_write_names_the_path(places, learned, fault, name):
     shutil.rmtree(disk, ignore_errors=True)
     job.mkdir(parents=True)
     shutil.copytree(learned.project, project.folder)
-    if name in STAGES:
+    if name in STAGE_ORDER[1:]:
         write_state(project.state_file, without_stage(project.state(), name))
-    Request("match", project.folder, MATCH | {"out": f"{places['out']}/edit.json"}).write(job)
+    edit = {"object": "ball", "source": "#b5302c", "target": "#3059b8", "out": f"{places['out']}/edit.json"}
+    Request("match", project.folder, edit).write(job)
     settings = [part for text in QUICK for part in ("--set", text)] if name in ("all", "geometry") else []
     command = [word.format(**places) for word in COMMANDS[name].split()]
     ended = engine.run(command + settings, partial(FAULTS[fault][0], disk))
