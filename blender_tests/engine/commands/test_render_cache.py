@@ -24,21 +24,16 @@ def uncached(copy):
     return copy
 
 
-def record_calls(monkeypatch, owner, name):
+@pytest.fixture
+def record_calls(monkeypatch):
     """Record the arguments of each call of a function of a class or module."""
-    calls, function = [], getattr(owner, name)
-    monkeypatch.setattr(owner, name, lambda *arguments: (calls.append(arguments), function(*arguments))[1])
-    return calls
 
+    def record_calls(owner, name):
+        calls, function = [], getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *arguments: (calls.append(arguments), function(*arguments))[1])
+        return calls
 
-@pytest.fixture
-def renders(monkeypatch):
-    return record_calls(monkeypatch, Scene, "render")
-
-
-@pytest.fixture
-def made_mattes(monkeypatch):
-    return record_calls(monkeypatch, render_cache, "make_mattes")
+    return record_calls
 
 
 def rendered(project):
@@ -62,8 +57,8 @@ def cached(project, schema):
     return [path for path in files if schema.encode() in path.read_bytes()[:4096]]
 
 
-def test_rendering_is_reused_only_for_same_camera_and_scene(uncached, renders):
-    first = rendered(uncached)
+def test_rendering_is_reused_only_for_same_camera_and_scene(uncached, record_calls):
+    renders, first = record_calls(Scene, "render"), rendered(uncached)
     assert np.array_equal(rendered(uncached), first) and len(renders) == 1
     model = Model(uncached)
     camera = model.working_camera(model.capture.split("test")[0])
@@ -101,22 +96,22 @@ DAMAGE_OF_MATTES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
-def test_damaged_rendering_is_made_again(uncached, renders, damage):
-    first = rendered(uncached)
+def test_damaged_rendering_is_made_again(uncached, record_calls, damage):
+    renders, first = record_calls(Scene, "render"), rendered(uncached)
     damage(*cached(uncached, render_cache.SCHEMA))
     assert np.array_equal(rendered(uncached), first) and len(renders) == 2
 
 
 @pytest.mark.parametrize("damage", DAMAGE_OF_MATTES.values(), ids=DAMAGE_OF_MATTES)
-def test_mattes_are_reused_for_other_edits_and_remade_if_damaged(uncached, made_mattes, damage):
-    first = recolored(uncached)
+def test_mattes_are_reused_for_other_edits_and_remade_if_damaged(uncached, record_calls, damage):
+    made_mattes, first = record_calls(render_cache, "make_mattes"), recolored(uncached)
     assert np.array_equal(recolored(uncached), first) and [edges for edges, *_ in made_mattes] == ["photo"]
     damage(*cached(uncached, "karf-mattes"))
     assert np.array_equal(recolored(uncached), first) and len(made_mattes) == 2
 
 
-def test_mattes_of_another_photo_size_or_mask_are_not_reused(uncached, made_mattes):
-    model = Model(uncached)
+def test_mattes_of_another_photo_size_or_mask_are_not_reused(uncached, record_calls):
+    made_mattes, model = record_calls(render_cache, "make_mattes"), Model(uncached)
     view, other = model.capture.split("train")[:2]
     for photo, *size in ((view,), (view, 24), (replace(view, image=other.image),)):
         model.photo_view(photo, *size)

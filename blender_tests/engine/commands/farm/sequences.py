@@ -8,8 +8,6 @@ from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.palettes.palette import Edit, write_edit
 
-BLUE = (0.1, 0.2, 0.8)
-
 
 class Sequence:
     """A learned project, a file of cameras, and an edit."""
@@ -17,7 +15,7 @@ class Sequence:
     def __init__(self, project: Path, folder: Path, count: int, size: int = 12):
         self.project, self.cameras, self.edit = project, folder / "cameras.json", folder / "edit.json"
         self.angles, self.size = [0.05 * number for number in range(count)], size
-        self.paint(BLUE)
+        self.paint((0.1, 0.2, 0.8))
         self.move()
 
     def paint(self, color, path=None):
