@@ -1,4 +1,4 @@
-"""A head of one's own: random Fourier features and one linear layer. Importing this file registers it as `fourier`."""
+"""An example head of random Fourier features and one linear layer; importing this file registers it as `fourier`."""
 
 from __future__ import annotations
 
