@@ -1,6 +1,7 @@
 """A cancelled or killed fit of any kind resumes where it stopped and ends with identical bits."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -56,16 +57,11 @@ def box_geometry(kind):
     return geometry(lambda: box.start([take_photo(c, kind == "opaque") for c in cameras(10)], kind, BOX))
 
 
-class PositionField:
-    n_features = 6
-
-    @staticmethod
-    def features(positions):
-        return torch.cat([positions, positions**2], 1)
+FIELD = SimpleNamespace(n_features=6, features=lambda positions: torch.cat([positions, positions**2], 1))
 
 
 def head(kind, settings):
-    return lambda *tools: learn_head(kind, PositionField, settings, start_runtime(0, 1, "cpu"), *tools)
+    return lambda *tools: learn_head(kind, FIELD, settings, start_runtime(0, 1, "cpu"), *tools)
 
 
 LEARNERS = {  # with the iterations to stop at: early, at a level's end, after one pruning, in the last part, at the end
@@ -92,10 +88,9 @@ def path(tmp_path):
 
 @pytest.fixture
 def checkpoint(path, events):
-    def emit(kind, /, **values):
-        events.append(values)
-
-    return lambda fingerprint="these inputs": Checkpoint(path, fingerprint, "test", emit)
+    return lambda fingerprint="these inputs": Checkpoint(
+        path, fingerprint, "test", lambda kind, **values: events.append(values)
+    )
 
 
 def assert_identical(tensors, expected):

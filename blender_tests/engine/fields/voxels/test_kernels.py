@@ -31,12 +31,10 @@ from karf_engine.fields.voxels.fused.renderer import FusedRenderer
 from karf_engine.fields.voxels.renderer import RayBatch
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer, new_renderer
 
-MARGIN, OFF_PATH = 0.05, 0.4
-UNIT = 0.3
+UNIT, MARGIN, OFF_PATH = 0.3, 0.05, 0.4
 SUMS = ("color", "final_transmittance", "distortion", "before", "up_to", "distance", "distance_squared", "alpha")
 SPACES = ("box", "contraction", "frustum")
 DARK = 1e-4  # kernels end a ray at this transmittance
-GRAY = 1 / 255
 
 
 def make_space(name, dtype=torch.float32):
@@ -48,7 +46,7 @@ def make_space(name, dtype=torch.float32):
 def random_field(space: str, features: int = 12, share: float = 1.0) -> VoxelField:
     random = torch.Generator().manual_seed(0)
     occupied = torch.rand(14, 17, 12, generator=random) < share
-    size = {"box": 2.0, "contraction": 4.0, "frustum": 2.0}[space]
+    size = 4.0 if space == "contraction" else 2.0
     minimum = torch.tensor([-size / 2] * 2 + [-0.5 if space == "frustum" else -size / 2])
     field = VoxelField(minimum, size / 17, occupied, features, 64, -2.0, make_space(space))
     for parameter in field.parameters():
@@ -82,6 +80,12 @@ def new_optimizer(renderer: FusedRenderer):
     return renderer.optimizer([{"params": tables, "lr": 0.05}, {"params": network, "lr": 0.01}], (0.9, 0.99))
 
 
+@pytest.fixture
+def restore_cores():
+    yield
+    cores.set_core_count(1)
+
+
 @pytest.mark.parametrize("features", [12, 7])
 @pytest.mark.parametrize("space", SPACES)
 def test_sums_and_gradients_match_torch_in_double_precision(space, features):
@@ -94,8 +98,7 @@ def test_sums_and_gradients_match_torch_in_double_precision(space, features):
     expected = torch_renderer(reference).render(batch)
     assert sums.n_samples == pytest.approx(expected.n_samples, abs=3)  # rounding may move the ends of rays
     assert torch.equal(sums.observes, expected.observes) and sums.observes.any()
-    random = torch.Generator().manual_seed(2)
-    loss, expected_loss = 0.0, 0.0
+    random, loss, expected_loss = torch.Generator().manual_seed(2), 0.0, 0.0
     for name in SUMS:
         value, truth = getattr(sums, name), getattr(expected, name)
         assert_close(value, truth.float(), rtol=1e-4, atol=2e-4, msg=lambda text, name=name: f"{name}: {text}")
@@ -110,10 +113,9 @@ def test_sums_and_gradients_match_torch_in_double_precision(space, features):
 
 
 def test_diffuse_colors_train_only_three_features():
-    field, batch = random_field("box"), random_batch("box", is_diffuse=True)
-    (fused_renderer(field).render(batch).color ** 2).sum().backward()
-    reference = random_field("box")
-    (torch_renderer(reference).render(batch).color ** 2).sum().backward()
+    field, reference = random_field("box"), random_field("box")
+    for renderer in (fused_renderer(field), torch_renderer(reference)):
+        (renderer.render(random_batch("box", is_diffuse=True)).color ** 2).sum().backward()
     assert_close(field.feature_table.grad, reference.feature_table.grad, rtol=1e-3, atol=1e-4)
     assert field.feature_table.grad[:, 3:].abs().max() == 0
     assert field.color_network[0].weight.grad is None
@@ -177,53 +179,46 @@ def test_russian_roulette_is_unbiased_and_independent(weight):
         assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.02
 
 
-def _learn(threads: int) -> VoxelField:
-    field, batch = random_field("box", share=0.7), random_batch("box", 1000)
-    renderer = fused_renderer(field, 0.02, threads)
-    optimizer, random = new_optimizer(renderer), torch.Generator().manual_seed(2)
-    pairs = torch.randint(-1, len(field.raw_density), (2, 5000), generator=random)
-    for _ in range(12):
-        optimizer.zero_grad()
-        sums = renderer.render(batch)
-        density, features = renderer.differences(*pairs)
-        loss = ((sums.color - 0.3) ** 2).mean() + 1e-3 * sums.distortion.mean()
-        (loss + 1e-5 * (density + features)).backward()
-        optimizer.step()
-    return field
+def test_one_and_two_threads_learn_identical_fields(restore_cores):
+    def learn(threads):
+        field, batch = random_field("box", share=0.7), random_batch("box", 1000)
+        renderer = fused_renderer(field, 0.02, threads)
+        optimizer, random = new_optimizer(renderer), torch.Generator().manual_seed(2)
+        pairs = torch.randint(-1, len(field.raw_density), (2, 5000), generator=random)
+        for _ in range(12):
+            optimizer.zero_grad()
+            sums = renderer.render(batch)
+            density, features = renderer.differences(*pairs)
+            loss = ((sums.color - 0.3) ** 2).mean() + 1e-3 * sums.distortion.mean()
+            (loss + 1e-5 * (density + features)).backward()
+            optimizer.step()
+        return field.state_dict()
 
-
-def test_one_and_two_threads_learn_identical_fields():
-    try:
-        one, two = _learn(1), _learn(2)
-    finally:
-        cores.set_core_count(1)
-    for (name, value), other in zip(one.state_dict().items(), two.state_dict().values(), strict=True):
-        assert torch.equal(value, other), name
+    one, two = learn(1), learn(2)
+    for name, value in one.items():
+        assert torch.equal(value, two[name]), name
 
 
 def test_optimizer_leaves_untouched_rows_unchanged():
-    field, batch = random_field("box"), random_batch("box", 3)
-    before, renderer = field.raw_density.detach().clone(), fused_renderer(field)
-    optimizer = new_optimizer(renderer)
+    renderer, batch = fused_renderer(random_field("box")), random_batch("box", 3)
+    optimizer, before = new_optimizer(renderer), renderer.field.raw_density.detach().clone()
     for _ in range(2):
         renderer.render(batch).color.sum().backward()
         touched = renderer.touched > 0
         optimizer.step()
-    moved = (field.raw_density.detach() != before)[:, 0].numpy()
+    moved = (renderer.field.raw_density.detach() != before)[:, 0].numpy()
     assert 0 < moved.sum() < len(moved) / 2
     assert not (moved & ~touched).any()
 
 
 def test_nan_stops_training():
-    field, batch = random_field("box"), random_batch("box")
-    field.feature_table.data[:, 0] = torch.nan
-    renderer = fused_renderer(field)
+    renderer, batch = fused_renderer(random_field("box")), random_batch("box")
+    renderer.field.feature_table.data[:, 0] = torch.nan
     training_state = TrainingState(3, new_optimizer(renderer), dict, start_runtime(0, 1, "cpu"))
     with pytest.raises(Diverged):
         train(training_state, 3, lambda *_: (renderer.render(batch).color.mean(), {}), constant, silent())
 
 
-# ------------------------------------------------------------------------------------------------------- frozen fields
 def frozen_field(space: str, share: float = 0.6) -> VoxelField:
     """A random field, in which about half of all rays end."""
     field = random_field(space, share=share)
@@ -241,19 +236,18 @@ def by_torch(function, *arguments):
 def test_frozen_traces_match_torch_until_rays_are_dark(space):
     field, rays = frozen_field(space), random_batch(space).rays
     trace, expected = field.trace(rays, 0.7), by_torch(field.trace, rays, 0.7)
-    assert 0 < len(trace.samples) < len(expected.samples)  # torch does not stop in the dark
+    samples, reference = trace.samples, expected.samples
+    assert 0 < len(samples) < len(reference)  # torch does not stop in the dark
     assert_close(trace.final_transmittance, expected.final_transmittance, rtol=1e-3, atol=DARK)
-    assert trace.samples.ray_indices.dtype == torch.int64 and (trace.samples.ray_indices.diff() >= 0).all()
-    assert trace.samples.step == pytest.approx(expected.samples.step)
+    assert samples.ray_indices.dtype == torch.int64 and (samples.ray_indices.diff() >= 0).all()
+    assert samples.step == pytest.approx(reference.step)
     for number in range(len(rays)):
-        own, theirs = (trace.samples.ray_indices == number), (expected.samples.ray_indices == number)
-        end = int(own.sum())
-        for name in ("distances", "positions"):
-            values, all_values = getattr(trace.samples, name)[own], getattr(expected.samples, name)[theirs]
-            assert_close(values, all_values[:end], rtol=1e-4, atol=1e-4)
-        weights, all_weights = trace.ray_weights[own], expected.ray_weights[theirs]
-        assert_close(weights, all_weights[:end], rtol=1e-3, atol=1e-4)
-        assert all_weights[end:].sum() <= 1.1 * DARK
+        own, whole = samples.ray_indices == number, torch.nonzero(reference.ray_indices == number)[:, 0]
+        bright, dark = whole[: own.sum()], whole[own.sum() :]
+        assert_close(samples.distances[own], reference.distances[bright], rtol=1e-4, atol=1e-4)
+        assert_close(samples.positions[own], reference.positions[bright], rtol=1e-4, atol=1e-4)
+        assert_close(trace.ray_weights[own], expected.ray_weights[bright], rtol=1e-3, atol=1e-4)
+        assert expected.ray_weights[dark].sum() <= 1.1 * DARK
 
 
 @pytest.mark.parametrize("share", [1.0, 0.6, 0.05])
@@ -278,18 +272,15 @@ def test_rays_beside_the_grid_have_no_samples():
 
 
 @pytest.mark.parametrize("space", SPACES)
-def test_pictures_match_torch_for_any_chunks_and_threads(space, monkeypatch):
+def test_pictures_match_torch_for_any_chunks_and_threads(space, restore_cores, monkeypatch):
     scene, rays = Scene(frozen_field(space), None, "white", 0.7), random_batch(space, 1500).rays
-    try:
-        whole = scene.colors(rays)
-        assert (whole - by_torch(scene.colors, rays)).abs().max() < GRAY
-        for chunk, threads in ((1, 1), (333, 1), (100, 2)):
-            cores.set_core_count(threads)
-            cores.limit_torch_threads()
-            monkeypatch.setattr(scenes, "CPU_RAYS_PER_CHUNK", chunk)
-            assert torch.equal(scene.colors(rays[:200]), whole[:200])
-    finally:
-        cores.set_core_count(1)
+    whole = scene.colors(rays)
+    assert (whole - by_torch(scene.colors, rays)).abs().max() < 1 / 255
+    for chunk, threads in ((1, 1), (333, 1), (100, 2)):
+        cores.set_core_count(threads)
+        cores.limit_torch_threads()
+        monkeypatch.setattr(scenes, "CPU_RAYS_PER_CHUNK", chunk)
+        assert torch.equal(scene.colors(rays[:200]), whole[:200])
 
 
 @pytest.mark.parametrize("value", [torch.nan, torch.inf])
@@ -322,7 +313,6 @@ def test_refrozen_field_renders_its_new_values():
     assert_close(after, unfrozen, rtol=1e-3, atol=DARK)
 
 
-# ------------------------------------------------------------------------------------------------ with and without kernels
 def test_torch_learns_and_renders_without_numba(monkeypatch):
     field, frozen, rays = random_field("box"), frozen_field("box"), random_batch("box").rays
 
@@ -353,8 +343,7 @@ def test_child_process_compiles_the_kernels_once(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # the child calls every kernel in plain Python
     monkeypatch.chdir(tmp_path)
-    assert preparing.begin(12).wait(120) == 0
-    assert preparing.stamp_of(12).exists()
+    assert preparing.begin(12).wait(120) == 0 and preparing.stamp_of(12).exists()
     assert preparing.begin(12) is None
 
 
