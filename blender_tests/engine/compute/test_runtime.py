@@ -33,8 +33,7 @@ def pretend_cards(count, monkeypatch):
     [
         *((name, 0, f"There is no device {name!r}.", "can be used: cpu.") for name in UNKNOWN),
         ("cuda:2", 2, "There is no device 'cuda:2'.", "cpu, cuda, cuda:0, cuda:1."),
-        ("mps", 0, "64-bit", "can be used: cpu."),
-        ("mps:0", 0, "64-bit", "can be used: cpu."),
+        *((name, 0, "64-bit", "can be used: cpu.") for name in ("mps", "mps:0")),
     ],
 )
 def test_missing_device_is_rejected_with_available_ones(name, cards, sentence, known, monkeypatch):

@@ -100,16 +100,19 @@ def test_iteration_out_of_memory_is_repeated_in_smaller_parts(largest_part):
     assert record.calls[:2] == [(0, 1.0), (0, 0.5)]
 
 
-def test_progress_estimates_the_rest_and_reports_the_last_step():
-    record = Recorder(total=10)
+@pytest.mark.parametrize("done", [0, 990])
+def test_progress_estimates_the_rest_and_reports_the_last_step(done):
+    record = Recorder(total=done + 10)
+    if done:
+        record.progress.resume_at(done)
     record.progress.step()
     first = record.events[0]
-    assert (first["stage"], first["step"], first["total"], first["metrics"]) == ("test", 1, 10, {})
+    assert (first["stage"], first["step"], first["total"], first["metrics"]) == ("test", done + 1, done + 10, {})
     assert first["eta_s"] == pytest.approx(9 / first["rate"], rel=0.2, abs=0.1)
     record.progress.step(8)
     assert len(record.events) == 1  # at most four events a second
     record.progress.step(loss=0.123456)
-    assert record.events[-1]["step"] == 10 and record.events[-1]["metrics"] == {"loss": 0.1235}
+    assert record.events[-1]["step"] == done + 10 and record.events[-1]["metrics"] == {"loss": 0.1235}
 
 
 def test_adam_matches_torch_bit_by_bit():

@@ -114,8 +114,7 @@ def test_training_a_nerf_never_waits(waits, runtime):
     colors = [torch.rand(8, 8, 3).numpy() for _ in cameras]
     dataset = PixelDataset(cameras, colors, [color[..., 0] for color in colors], device=runtime.device)
     settings = NerfSettings(iterations=ITERATIONS, depth=2, width=8, rays=32, crop_iterations=2, look_every=ITERATIONS)
-    for _ in NerfFit(dataset, "alpha", Box(), sampling, settings, runtime).scenes(silent()):
-        pass
+    list(NerfFit(dataset, "alpha", Box(), sampling, settings, runtime).scenes(silent()))
     assert waits == [[]] * ITERATIONS
 
 

@@ -15,7 +15,8 @@ from numpy.testing import assert_allclose
 from blender_tests.engine.reference import checkpoints
 from blender_tests.engine.reference.checkpoints import OCTAVES, Trap, layers, vanilla_state, write_arrays
 from blender_tests.engine.reference.memory import little_memory
-from blender_tests.engine.reference.nerf import flexible, still_life, vanilla
+from blender_tests.engine.reference.nerf import flexible, vanilla
+from blender_tests.engine.reference.still_life import camera_at, cameras
 from karf_engine.capture.capture import View
 from karf_engine.errors import DataError
 from karf_engine.fields.nerf.importing import candidate_alignments, read_nerf
@@ -107,10 +108,8 @@ def save_compressed_zeros(path):
     plain = path.with_suffix(".plain")
     torch.save({"network_fn_state_dict": {"a": torch.zeros(20_000_000)}}, plain)
     with zipfile.ZipFile(plain) as source, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
-        for record in source.infolist():
-            with source.open(record) as file, packed.open(record.filename, "w", force_zip64=True) as out:
-                while part := file.read(1 << 20):
-                    out.write(part)
+        for name in source.namelist():
+            packed.writestr(name, source.read(name))
     plain.unlink()
 
 
@@ -158,17 +157,21 @@ BOUNDS = (1.2, 30.0)
 CORNERS = torch.tensor([0, 31, 32 * 23, 32 * 24 - 1])
 
 
-def views():
-    found = []
-    for view in still_life(9)[0]:
-        pose = view.camera.camera_to_world.copy()
-        pose[:3, 3] += (3.0, -1.0, 0.5)
-        found.append(replace(view, camera=replace(view.camera, camera_to_world=pose), depth_bounds=BOUNDS))
-    return found
+def views_at(poses, shifts):
+    """Views with these poses [4, 4], moved by these shifts [3]."""
+    camera, views = replace(camera_at(0, 0), height=24), []
+    for pose, shift in zip(poses, shifts, strict=True):
+        pose[:3, 3] += shift
+        views.append(View("v", "v", replace(camera, camera_to_world=pose), None, "train", BOUNDS))
+    return views
 
 
-def aligned(name, of=None, settings=None):
-    return {p.name: p for p in candidate_alignments(of or views(), settings or NerfSettings())}[name]
+AROUND = views_at([camera.camera_to_world for camera in cameras(9)], [(3.0, -1.0, 0.5)] * 9)
+FRONT = views_at([np.eye(4) for _ in range(3)], [(0.4 * n, 0.1 * n, 0.05 * n) for n in range(3)])  # look along -z
+
+
+def aligned(name, views=AROUND):
+    return {alignment.name: alignment for alignment in candidate_alignments(views, NerfSettings())}[name]
 
 
 def relative_to(up, z, center, poses):
@@ -200,14 +203,13 @@ def spherified(poses):
 
 @pytest.mark.parametrize(("name", "reference"), [("LLFF recentered", recentered), ("LLFF spherified", spherified)])
 def test_cameras_lie_where_llffs_loader_puts_them(name, reference):
-    expected = reference(np.stack([view.camera.camera_to_world for view in views()]))
-    space = aligned(name).space
-    for view, pose in zip(views(), expected, strict=True):
+    poses, space = reference(np.stack([view.camera.camera_to_world for view in AROUND])), aligned(name).space
+    for view, pose in zip(AROUND, poses, strict=True):
         rays = camera_rays(view.camera)[CORNERS]
+        expected = camera_rays(replace(view.camera, camera_to_world=pose))[CORNERS]
         origins, directions = space.to_grid_rays(rays)
-        assert_allclose(origins, np.tile(pose[:3, 3], (4, 1)), atol=1e-4)
-        moved = replace(view.camera, camera_to_world=pose)
-        assert_allclose(space.rotate_directions(rays.viewdirs), camera_rays(moved)[CORNERS].viewdirs, atol=1e-5)
+        assert_allclose(origins, expected.origins, atol=1e-4)
+        assert_allclose(space.rotate_directions(rays.viewdirs), expected.viewdirs, atol=1e-5)
         lengths = torch.linalg.norm(directions, dim=1)
         assert_allclose(lengths, lengths.mean().expand(4), rtol=1e-5)
 
@@ -216,16 +218,16 @@ def test_near_and_far_scale_with_the_world():
     for name in ("LLFF recentered", "LLFF spherified", "as it is, LLFF's bounds"):
         assert (aligned(name).near, aligned(name).far) == pytest.approx((0.9 * BOUNDS[0], BOUNDS[1]))
     scaled = aligned("scaled")
-    _, directions = scaled.space.to_grid_rays(camera_rays(views()[0].camera)[CORNERS])
+    _, directions = scaled.space.to_grid_rays(camera_rays(AROUND[0].camera)[CORNERS])
     length = float(torch.linalg.norm(directions[0]))
     assert (scaled.near * length, scaled.far * length) == pytest.approx((2, 6), rel=1e-5)
 
 
 def test_ndc_follows_from_recentered_poses():
     """As in NeRF, appendix C, with the near plane at 1 after scaling."""
-    poses = recentered(np.stack([view.camera.camera_to_world for view in front()]))
-    space = aligned("LLFF in NDC", front()).space
-    for view, pose in zip(front(), poses, strict=True):
+    poses = recentered(np.stack([view.camera.camera_to_world for view in FRONT]))
+    space = aligned("LLFF in NDC", FRONT).space
+    for view, pose in zip(FRONT, poses, strict=True):
         camera = view.camera
         first, step = space.to_grid_rays(camera_rays(camera)[CORNERS])
         rays = camera_rays(replace(camera, camera_to_world=pose))[CORNERS]
@@ -243,21 +245,9 @@ def test_ndc_follows_from_recentered_poses():
         assert_allclose(torch.linalg.cross(offset, step), np.zeros((4, 3)), atol=1e-4)
 
 
-def front():
-    """Three cameras side by side that look along -z."""
-    camera = replace(still_life(1)[0][0].camera, width=32, height=24)
-    found = []
-    for n in range(3):
-        pose = np.eye(4)
-        pose[:3, 3] = (0.4 * n, 0.1 * n, 0.05 * n)
-        found.append(View(f"v{n}", f"v{n}", replace(camera, camera_to_world=pose), None, "train", BOUNDS))
-    return found
-
-
 def test_llff_alignments_require_depth_bounds():
-    alignments = candidate_alignments(
-        [replace(view, depth_bounds=None) for view in views()], NerfSettings(near=0.5, far=3.0)
-    )
+    views = [replace(view, depth_bounds=None) for view in AROUND]
+    alignments = candidate_alignments(views, NerfSettings(near=0.5, far=3.0))
     names = [alignment.name for alignment in alignments]
     assert names == ["as it is, near and far as set", "as it is, near 2 and far 6", "scaled"]
     assert alignments[0].far == 3.0
