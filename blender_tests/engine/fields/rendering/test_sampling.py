@@ -25,7 +25,7 @@ from karf_engine.fields.rendering.space import (
 )
 from karf_engine.fields.rendering.volume import ray_weights_from_sigmas
 
-CENTER = torch.tensor([0.5, -1.0, 2.0])
+CENTER, ORIGIN = torch.tensor([0.5, -1.0, 2.0]), torch.zeros(3)
 
 
 MINIMUM, VOXEL = np.array([-1.0, 0.5, -0.3]), 0.17
@@ -84,17 +84,20 @@ def contraction(room=1.0):
 
 def frustum():
     """Looks along +y from (1, 2, 3); z is up."""
-    pose = torch.eye(4)
-    pose[:3, :3] = torch.tensor([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-    pose[:3, 3] = torch.tensor([1.0, 2.0, 3.0])
+    pose = torch.tensor([[1.0, 0, 0, 1], [0, 0, -1, 2], [0, 1, 0, 3], [0, 0, 0, 1]])
     return Frustum(torch.linalg.inv(pose), torch.tensor([2.4, 2.2]), near=0.8, depth_scale=0.5)
 
 
 def similarity():
-    matrix = torch.eye(4)
-    matrix[:3, :3] = 2.5 * torch.tensor([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    matrix[:3, 3] = torch.tensor([1.0, 0.0, -3.0])
-    return Similarity(matrix)
+    return Similarity(torch.tensor([[0.0, -2.5, 0, 1], [2.5, 0, 0, 0], [0, 0, 2.5, -3], [0, 0, 0, 1]]))
+
+
+def paths_in_cube(space, rays, half_width):
+    return space.paths(rays, torch.full((3,), -half_width), torch.full((3,), half_width))
+
+
+def march(paths, occupied, step, minimum=ORIGIN, voxel=1.0, jitter=None):
+    return sampling.march(paths, minimum, voxel, occupied, sampling.coarse_occupancy(occupied), step, jitter)
 
 
 def random_points(n, spread, seed=0):
@@ -133,7 +136,7 @@ def test_frustum_reaches_from_its_near_plane_to_infinity():
 def test_paths_follow_the_mapped_points_of_their_rays(space):
     viewdirs = normalize(torch.tensor([0.0, 1.0, 0.0]) + random_points(60, 0.2), dim=1)
     rays = Rays(torch.tensor([1.0, 2.0, 3.0]) + random_points(60, 0.1, 1), viewdirs)
-    lines = sampling.Polylines(space.paths(rays, torch.full((3,), -9.0), torch.full((3,), 9.0)))
+    lines = sampling.Polylines(paths_in_cube(space, rays, 9.0))
     for distance in (1.5, 4.0, 20.0, 300.0):
         _, gap = lines.nearest(space.to_grid(rays.origins + distance * viewdirs))
         assert gap.max() < 4e-3
@@ -141,13 +144,12 @@ def test_paths_follow_the_mapped_points_of_their_rays(space):
 
 def test_knots_of_contracted_paths_are_close_together():
     rays = Rays(CENTER + random_points(80, 2.0, 1), normalize(random_points(80, 1.0), dim=1))
-    paths = contraction().paths(rays, torch.full((3,), -2.0), torch.full((3,), 2.0))
-    assert torch.linalg.norm(paths[:, 1:] - paths[:, :-1], dim=2).max() < 0.12
+    assert torch.linalg.norm(paths_in_cube(contraction(), rays, 2.0).diff(dim=1), dim=2).max() < 0.12
 
 
 def test_backward_ray_has_no_path_in_a_frustum():
     rays = Rays(torch.tensor([[1.0, 2.0, 3.0]]), torch.tensor([[0.0, -1.0, 0.0]]))
-    assert sampling.Polylines(frustum().paths(rays, torch.full((3,), -1.0), torch.full((3,), 1.0))).lengths.item() == 0
+    assert sampling.Polylines(paths_in_cube(frustum(), rays, 1.0)).lengths.item() == 0
 
 
 @pytest.mark.parametrize("space", [Box(), similarity(), frustum()], ids=str)
@@ -185,11 +187,9 @@ def test_marching_samples_exactly_the_steps_in_occupied_cells(shape, share, step
     occupied[-1, -1, -1] = True
     origins, viewdirs = random_rays(random, shape)
     jitter = random.random(N_RAYS).astype(np.float32)
-    grid, minimum = torch.from_numpy(occupied), torch.from_numpy(MINIMUM).float()
-    corners = minimum, minimum + VOXEL * torch.tensor(shape)
+    corners = torch.tensor(MINIMUM).float(), torch.tensor(MINIMUM + VOXEL * np.array(shape)).float()
     paths = clipped_paths(torch.from_numpy(origins), torch.from_numpy(viewdirs), *corners)
-    coarse = sampling.coarse_occupancy(grid)
-    samples = sampling.march(paths, minimum, VOXEL, grid, coarse, step, torch.from_numpy(jitter))
+    samples = march(paths, torch.from_numpy(occupied), step, corners[0], VOXEL, torch.from_numpy(jitter))
     ray_indices = samples.ray_indices.numpy()
     entry = np.linalg.norm(paths[:, 0].numpy() - origins, axis=1)
     distances = samples.distances.numpy() + entry[ray_indices]
@@ -213,15 +213,14 @@ def test_marching_samples_exactly_the_steps_in_occupied_cells(shape, share, step
 
 def test_samples_are_evenly_spaced_along_paths():
     bent = torch.tensor([[[-0.5, 0.5, 0.5], [1.75, 0.5, 0.5], [1.75, 3.5, 0.5], [1.75, 3.5, 9.0]]])
-    samples = sampling.march(bent, torch.zeros(3), 1.0, FULL, sampling.coarse_occupancy(FULL), 0.5)
+    samples = march(bent, FULL, 0.5)
     assert_allclose(samples.distances, np.arange(0.75, 8.75, 0.5))  # 0.5 before the grid; z = 4 after 8.75
     along, across = samples.positions[:4], samples.positions[4:10]
     assert_allclose(along[:, 0], samples.distances[:4] - 0.5)
     assert_allclose(across[:, 1], samples.distances[4:10] - 1.75)
     assert_allclose(across[:, 0], 1.75)
     straight = torch.tensor([[[0.0, 2.0, 2.0], [4.0, 2.0, 2.0]]])
-    samples = sampling.march(straight, torch.zeros(3), 1.0, FULL, sampling.coarse_occupancy(FULL), 1.0)
-    assert_allclose(samples.distances, [0.5, 1.5, 2.5, 3.5])
+    assert_allclose(march(straight, FULL, 1.0).distances, [0.5, 1.5, 2.5, 3.5])
 
 
 @pytest.mark.parametrize("n_knots", [2, 3, 9])
@@ -241,7 +240,7 @@ def test_nearest_place_on_a_path_matches_brute_force(n_knots):
 def test_rays_are_clipped_to_the_box():
     origins = torch.tensor([[0.5, 0.5, 0.5], [0.5, 0.5, 3.0], [0.5, 0.5, -2.0], [5.0, 0.5, 0.5]])
     viewdirs = torch.tensor([[0.0, 0.0, 1.0]] * 3 + [[0.0, 1.0, 0.0]])
-    first, last = clipped_paths(origins, viewdirs, torch.zeros(3), torch.ones(3)).unbind(1)
+    first, last = clipped_paths(origins, viewdirs, ORIGIN, torch.ones(3)).unbind(1)
     assert_allclose(first[[0, 2]], [[0.5, 0.5, 0.5], [0.5, 0.5, 0]])
     assert_allclose(last[[0, 2]], [[0.5, 0.5, 1]] * 2)
     assert_allclose((last - first)[[1, 3]], 0)
@@ -250,13 +249,13 @@ def test_rays_are_clipped_to_the_box():
 @pytest.mark.parametrize("occupied", [~FULL, FULL])
 def test_marching_beside_the_grid_or_without_rays_gives_no_samples(occupied):
     for paths in (torch.full((1, 2, 3), 9.0), torch.zeros(0, 2, 3)):
-        samples = sampling.march(paths, torch.zeros(3), 1.0, occupied, sampling.coarse_occupancy(occupied), 0.5)
+        samples = march(paths, occupied, 0.5)
         assert len(samples) == 0 and samples.positions.shape == (0, 3)
 
 
 def test_outside_positions_map_to_the_nearest_border_cell():
     positions = torch.tensor([[-9.0, 0.5, 0.5], [1.5, 2.5, 3.5], [9.0, 9.0, 9.0]])
-    assert sampling.cell_indices(positions, torch.zeros(3), 1.0, (2, 3, 4)).tolist() == [0, 12 + 2 * 4 + 3, 23]
+    assert sampling.cell_indices(positions, ORIGIN, 1.0, (2, 3, 4)).tolist() == [0, 12 + 2 * 4 + 3, 23]
 
 
 def uniform(*shape, seed=0):
