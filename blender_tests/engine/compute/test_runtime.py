@@ -110,7 +110,6 @@ flat = np.random.default_rng(0).random((2000, 3))
 flat[:1500, 2] = 0
 print(build_kd_tree(flat).query(flat[0] + 1e-9)[1])
 """
-N = 200
 
 
 def test_points_in_a_plane_have_a_kd_tree():
@@ -132,21 +131,20 @@ def test_building_a_kd_tree_keeps_the_denormal_mode(is_flushing):
         torch.set_flush_denormal(False)
 
 
-def chain() -> sparse.csr_array:
-    """A positive definite chain of N unknowns, which needs N iterations to pass a value from end to end."""
-    return sparse.csr_array(sparse.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(N, N)))
+N = 200
+# a positive definite chain, which needs N iterations to pass a value from end to end
+CHAIN = sparse.csr_array(sparse.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(N, N)))
 
 
 def solve_photo(iterations):
-    right = np.eye(N)[0]
-    found = sparse_systems.solve(chain(), right, np.zeros(N), iterations=iterations)
-    return np.linalg.norm(chain() @ found - right)
+    found = sparse_systems.solve(CHAIN, np.eye(N)[0], np.zeros(N), iterations=iterations)
+    return np.linalg.norm(CHAIN @ found - np.eye(N)[0])
 
 
 def solve_points(iterations, monkeypatch):
     monkeypatch.setattr(label_propagation, "MAX_STEPS", iterations)
-    system, right = chain(), np.eye(N)[:, :1]
-    label_propagation.conjugate_gradients(lambda x: system @ x, np.full(N, 2.0), right, np.zeros((N, 1)))
+    start, right = np.zeros((N, 1)), np.eye(N)[:, :1]
+    label_propagation.conjugate_gradients(lambda x: CHAIN @ x, np.full(N, 2.0), right, start)
 
 
 def test_unsolved_system_warns_with_residual_and_iterations(monkeypatch):

@@ -161,7 +161,7 @@ def test_damaged_checkpoint_warns_and_starts_over(name, damage, checkpoint, path
     assert interrupt(learn, checkpoint, after=1) == 2, "the new checkpoint is sound"
 
 
-def test_fit_with_a_damaged_checkpoint_ends_as_without_one(checkpoint, path):
+def test_fit_after_a_damaged_checkpoint_matches_a_fresh_one(checkpoint, path):
     learn = LEARNERS["box, sky"][0]
     uninterrupted = learn(Stopwatch(), checkpoint("uninterrupted"))
     interrupt(learn, checkpoint, after=65)

@@ -42,19 +42,13 @@ class Waits(TorchDispatchMode):
         self.found: list[str] = []
 
     def __torch_dispatch__(self, function, types, args=(), kwargs=None):
-        if function in WAITING or (function in INDEXING and _by_mask(args[1])) or _comes_back(args, kwargs or {}):
+        kwargs = kwargs or {}
+        by_mask = function in INDEXING and any(i is not None and i.dtype == torch.bool for i in args[1])
+        is_away = bool(args) and isinstance(args[0], torch.Tensor) and args[0].device.type != "cpu"
+        comes_back = is_away and str(kwargs.get("device")).startswith("cpu")
+        if function in WAITING or by_mask or comes_back:
             self.found.append(str(function))
-        return function(*args, **kwargs or {})
-
-
-def _by_mask(indices) -> bool:
-    return any(index is not None and index.dtype == torch.bool for index in indices)
-
-
-def _comes_back(args, kwargs) -> bool:
-    to, given = kwargs.get("device"), args[0] if args else None
-    is_away = isinstance(given, torch.Tensor) and given.device.type != "cpu"
-    return to is not None and torch.device(to).type == "cpu" and is_away
+        return function(*args, **kwargs)
 
 
 @pytest.fixture

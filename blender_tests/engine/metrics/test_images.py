@@ -58,13 +58,12 @@ def test_ssim_equals_its_formula():
     window = np.exp(-(grid[:, None] ** 2 + grid**2) / (2 * 1.5**2))
     window /= window.sum()
     values = []
-    for row in range(3):
-        for column in range(2):
-            a, b = x[row : row + 11, column : column + 11], y[row : row + 11, column : column + 11]
-            ma, mb = (window * a).sum(), (window * b).sum()
-            va, vb = (window * (a - ma) ** 2).sum(), (window * (b - mb) ** 2).sum()
-            covariance = (window * (a - ma) * (b - mb)).sum()
-            values.append((2 * ma * mb + 1e-4) * (2 * covariance + 9e-4) / ((ma**2 + mb**2 + 1e-4) * (va + vb + 9e-4)))
+    for row, column in np.ndindex(3, 2):
+        a, b = x[row : row + 11, column : column + 11], y[row : row + 11, column : column + 11]
+        ma, mb = (window * a).sum(), (window * b).sum()
+        va, vb = (window * (a - ma) ** 2).sum(), (window * (b - mb) ** 2).sum()
+        covariance = (window * (a - ma) * (b - mb)).sum()
+        values.append((2 * ma * mb + 1e-4) * (2 * covariance + 9e-4) / ((ma**2 + mb**2 + 1e-4) * (va + vb + 9e-4)))
     assert images.ssim(x, y) == pytest.approx(np.mean(values), abs=1e-12)
     assert images.ssim(x, x) == pytest.approx(1)
     with pytest.raises(ValueError):
@@ -72,15 +71,14 @@ def test_ssim_equals_its_formula():
 
 
 def test_mask_metrics_of_overlapping_squares():
-    truth, predicted = np.zeros((10, 10), bool), np.zeros((10, 10), bool)
+    truth, predicted = np.zeros((2, 10, 10), bool)
     truth[2:8, 2:8] = True
     predicted[2:8, 3:9] = True
     assert masks.iou(predicted, truth) == 30 / 42
     assert masks.accuracy(predicted, truth) == 0.88
     # the two differing columns touch the truth's border
     assert masks.iou_border_excluded(predicted, truth) == 1
-    predicted[2:8, 3] = False
-    predicted[2:8, 4] = False
+    predicted[2:8, 3:5] = False
     # 4 x 4 pixels count inside the border; columns 3 and 4 of them are missed
     assert masks.iou_border_excluded(predicted, truth) == 0.5
     assert masks.iou(truth & False, truth & False) == 1

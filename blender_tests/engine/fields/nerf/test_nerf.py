@@ -127,7 +127,7 @@ CONTRADICTIONS = [
 
 
 @pytest.mark.parametrize("change", CONTRADICTIONS, ids=str)
-def test_scene_that_contradicts_its_networks_is_rejected(tmp_path, change):
+def test_scene_contradicting_its_networks_is_rejected(tmp_path, change):
     path = tmp_path / "scene.safetensors"
     save_scene(Scene(field(Similarity(torch.eye(4))), None, "opaque", 1.0), path)
     tensors, facts = load_tensors(path, SCHEMA)
