@@ -38,7 +38,10 @@ def test_later_stages_run_on_the_example_field(project, still_life, tmp_path):
 
 @pytest.mark.parametrize(
     ("module", "printed", "error"),
-    [("blender_tests.engine.fields.example_field", "BallField\n", ""), ("sys", "", "unknown kind 'balls'")],
+    [
+        ("blender_tests.engine.fields.example_field", "BallField\n", ""),
+        ("sys", "", "a field of the unknown kind 'balls'"),
+    ],
 )
 def test_scene_loads_only_where_its_field_kind_is_registered(project, module, printed, error):
     code = f"import {module}, sys, pathlib; from karf_engine.fields.files import load_scene"

@@ -7,7 +7,7 @@ import pytest
 import torch
 from numpy.testing import assert_allclose
 
-from blender_tests.engine.fields.fitting import pixel_dataset, silent, sparse_points
+from blender_tests.engine.fields.fitting import observed_by_all, pixel_dataset, silent
 from blender_tests.engine.reference.nerf import still_life
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.compute.runtime import start_runtime
@@ -109,7 +109,7 @@ def test_cut_out_objects_are_sampled_around_the_camera_distance():
 def test_open_scenes_are_sampled_in_disparity():
     views, _ = still_life(2)
     positions = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], *[[-0.5, 0.1, 0.0]] * 9])
-    points = sparse_points(positions, np.repeat([0, 1], 11), np.tile(np.arange(11), 2))
+    points = observed_by_all(positions, 2)
     _, sampling = choose_space_and_sampling("opaque", "contraction", views, points, TINY)
     depths = np.stack([v.camera.project(positions)[1] for v in views])
     assert sampling.in_disparity
