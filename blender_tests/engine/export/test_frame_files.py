@@ -39,7 +39,6 @@ def test_exr_holds_light_with_alpha_multiplied_in(tmp_path):
     np.testing.assert_allclose(channels["RGBA"].pixels[..., :3], srgb_to_linear(COLOR) * ALPHA, atol=1e-6)
 
 
-# ------------------------------------------------------------------------------------------------- the note of a folder
 def test_invalid_lines_are_skipped(tmp_path):
     good = '{"frame": "a", "made_from": "x", "files": {}}'
     lines = ["[" * 100_000, "{", "3", '{"frame": "b"}', good]
@@ -55,7 +54,6 @@ def test_a_note_that_is_not_a_file_is_named(make, read, tmp_path):
         read(tmp_path / RECORD_NAME)
 
 
-# ----------------------------------------------------------------------------------------------------------------- videos
 def frames(size=(48, 64)):
     return (np.full((*size, 3), color, np.float32) for color in SHADES for _ in range(4))
 

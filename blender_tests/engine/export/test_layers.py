@@ -85,7 +85,6 @@ def test_the_base_comes_back_to_its_eight_bits(tmp_path, kind, full):
     assert "Depth.Z" not in planes
 
 
-# ------------------------------------------------------------------------------------------------------------- the header
 def test_the_header_says_what_the_numbers_are(path):
     header = OpenEXR.File(str(path), header_only=True).header()
     assert header["compression"] == OpenEXR.ZIP_COMPRESSION
@@ -122,9 +121,6 @@ def test_a_damaged_or_foreign_file_is_refused(layers, path):
         path.write_bytes(content)
         with pytest.raises(DataError, match="gains" if b"-0.7" in content else None):
             read_layer_names(path)
-
-
-# ------------------------------------------------------------------------------------------------------- layers of a photo
 
 
 def photo_view(kind=np.uint8, channels=3, orientation=1):
@@ -170,9 +166,6 @@ def test_planes_sum_to_the_coverage_and_depth_keeps_its_edges():
     np.testing.assert_allclose(layers.palette_weights.sum(1, dtype=np.float32), layers.coverage, atol=1e-3)
     assert set(np.unique(layers.depth)) == {1.0, 5.0}
     np.testing.assert_array_equal(layers.depth[0], [1, 1, 1, 1, 5, 5, 5, 5, 5])
-
-
-# ----------------------------------------------------------------------------------------------------------------- mattes
 
 
 def test_the_hash_is_murmurhash3():

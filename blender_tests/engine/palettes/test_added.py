@@ -106,7 +106,6 @@ def test_points_are_recolored_as_pictures_are():
     np.testing.assert_allclose(found.reshape(2, 20, 3), recolored(color, edited), atol=1 / 255)
 
 
-# -------------------------------------------------------------------------------------------------- neutrals, proposals
 def lettered(share_of_silver=0.5):
     """The histogram of a silver thing with red letters."""
     seen = seen_of(np.concatenate([lit(RED), lit(SILVER)]).astype(np.float32), PALETTE)

@@ -83,7 +83,6 @@ def test_colored_light_tints_the_new_paint_as_the_old_and_a_black_source_is_refu
         reflection_target(np.ones((1, 3)), np.zeros(3), RED)
 
 
-# -------------------------------------------------------------------------------------------------------- whole objects
 RED_SWATCHES = [[0, 0, 0], [0.75, 0.05, 0.05], [1, 0.95, 0.95], [1, 0.95, 0.6]]  # black, paint, gloss, stripes
 GREEN_SWATCHES = [[0, 0, 0], [0.1, 0.75, 0.25], [1, 1, 0.95], [0.95, 1, 1]]
 
@@ -165,7 +164,6 @@ def test_a_dragged_swatch_is_what_it_is_given_and_its_shade_follows_also_beyond_
     np.testing.assert_array_equal(black, [*palette[:3], np.float32([0.1, 0.2, 0.9])])
 
 
-# ------------------------------------------------------------------------------------------------------------- the fits
 def test_what_cannot_be_moved_apart_pulls_less_by_what_is_seen_than_by_squares():
     weights = np.repeat(np.random.default_rng(8).dirichlet(np.ones(4), 60), 2, axis=0)
     colors, counts = weights @ PALETTE, np.tile([3.0, 1.0], 60)  # pairs of one color, the first of which is to stay

@@ -32,7 +32,6 @@ def photographed(color, light=CAST):
     return linear_to_srgb(srgb_to_linear(color) @ light.T)
 
 
-# ---------------------------------------------------------------------------------------------------------- a gray card
 @pytest.mark.parametrize("lightness", [None, 30.0, 70.0])
 def test_paints_photographed_with_a_card_are_known_under_the_reference_light(lightness):
     card = photographed(lab_to_srgb(np.array([lightness or 50.0, 0, 0])), LAMP)
@@ -50,7 +49,6 @@ def test_a_card_that_tells_nothing_is_refused(card, lightness):
         ReferenceLight.of_card(np.array(card), lightness)
 
 
-# -------------------------------------------------------------------------------------------------------------- a chart
 def test_a_chart_tells_the_light_of_a_noisy_photo_taken_at_a_slant(photo):
     fit = fit_photo(photo, CORNERS)
     np.testing.assert_allclose(fit.light.matrix, CAST, atol=0.005)

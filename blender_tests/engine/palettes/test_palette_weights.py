@@ -73,7 +73,6 @@ def test_image_of_few_colors_equals_its_pixels_one_by_one():
     assert star_weights(np.zeros((0, 3)), LEGO).shape == (0, 6)
 
 
-# -------------------------------------------------------------------------------------------------------- without scipy
 COLORS = np.random.default_rng(2).random((2000, 3))
 
 
@@ -93,7 +92,6 @@ def test_the_plain_hull_of_flat_palettes_and_of_faces_of_four_mixes_the_same_col
     assert (found >= 0).all()
 
 
-# ---------------------------------------------------------------------------------------------- weights of LoCoPalettes
 PALETTE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, 0]], np.float32)
 
 

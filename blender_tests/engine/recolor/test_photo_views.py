@@ -46,7 +46,6 @@ def test_an_edit_that_changes_nothing_changes_no_bit():
         np.testing.assert_array_equal(view.recolor(same).pixels, view.photo.pixels)
 
 
-# ------------------------------------------------------------------------------------------------------------- exposure
 GAINS = 0.7, 1.0, 1.2
 SIDE = 32
 TEAL = Palette("pot", np.array([[0, 0, 0], [0.1, 0.6, 0.5], [0.75, 0.8, 0.7]], np.float32))
@@ -99,7 +98,6 @@ def test_objects_learn_their_colors_in_the_mean_exposure():
     np.testing.assert_allclose(darker, alike, atol=1e-6)
 
 
-# ---------------------------------------------------------------------------------------------------------------- grain
 GRAIN = 2.0  # 1/255
 NAVY = Palette("jacket", np.array([[0, 0, 0], [0.12, 0.14, 0.3], [0.9, 0.9, 1]], np.float32))
 ORANGE = Edit({"jacket": np.array([[0, 0, 0], [1.2, 0.5, 0.1], [1, 0.95, 0.9]], np.float32)})
@@ -145,7 +143,6 @@ def test_grain_is_measured_beside_texture_and_there_is_none_in_a_drawing():
     assert estimate_noise(grainy) == pytest.approx(GRAIN, rel=0.15)
 
 
-# ---------------------------------------------------------------------------------------------------------------- edges
 RED_POT = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.1], [1, 0.9, 0.8]], np.float32))
 MUG = Palette("mug", np.array([[0, 0, 0], [0.2, 0.3, 0.9]], np.float32))
 TO_GREEN = np.array([[0.3, 0.7, 0], [0.3, 0.6, 0], [0.3, 0, 0.7]], np.float32)

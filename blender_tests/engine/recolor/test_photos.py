@@ -148,7 +148,6 @@ def test_a_jpeg_stays_one_where_that_is_asked_for(tmp_path):
     assert np.abs(open_photo(tmp_path / "b.jpg").pixels.astype(int) - photo.pixels).max() < 20
 
 
-# ------------------------------------------------------------------------------------------------------------------ EXR
 def light(*shape):
     return np.random.default_rng(3).random(shape, np.float32) * 1.5
 

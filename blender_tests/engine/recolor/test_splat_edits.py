@@ -51,7 +51,6 @@ def shown(model, edit, camera):
     return rasterize(model.recolored_splats(edit), camera).image[..., :3].clip(0, 1)
 
 
-# ---------------------------------------------------------------------------------------------------------- the picture
 def test_a_camera_sees_the_scene_its_objects_and_its_depth(model, camera, frame):
     truth = of_field(model).render(camera)
     assert psnr(frame.color, truth.color) > 20
@@ -100,7 +99,6 @@ def test_a_pixel_is_the_mean_of_its_rays_and_its_depth_that_of_one_of_them():
     assert_allclose(small.depth, [[2, 7, 0]])
 
 
-# ---------------------------------------------------------------------------------------------------------------- edits
 def test_an_edit_in_the_colors_is_what_the_planes_composite(model, camera, frame, green):
     planes, baked = model.composite(frame, green), shown(model, green, camera)
     assert np.abs(planes - frame.color).max() > 0.3
@@ -147,7 +145,6 @@ def test_an_added_color_moves_what_is_near_its_hue(model, camera, frame):
     assert psnr(baked, model.composite(frame, changed)) > 25
 
 
-# ---------------------------------------------------------------------------------------------------------------- edges
 def test_a_choke_recolors_fewer_gaussians_growth_more_and_a_feather_leaves_some_between_both_colors(model, green):
     edges = [(3, 0), (0, 0), (-3, 0), (0, 16)]
     edits = [green, *(green.edge("ball", *edge) for edge in edges)]
@@ -192,7 +189,6 @@ def test_distances_are_those_to_the_border_whatever_a_stray_says_and_pixels_span
     assert borders.spacings[0] == pytest.approx(SPACING, rel=0.4)
 
 
-# ----------------------------------------------------------------------------------------------- colors of one Gaussian
 PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
 BLUE = Edit({"pot": np.float32([[0, 0, 0], [0, 0, 1], [1, 1, 1]])})
 
@@ -227,7 +223,6 @@ def test_an_object_without_gaussians_has_empty_planes(camera):
     assert not probabilities.any() and not weights.any()
 
 
-# --------------------------------------------------------------------------------------------------------------- behind
 @pytest.mark.parametrize("background", [0.0, 0.4, 1.0])
 def test_a_cut_out_gives_the_picture_again_on_its_background(background):
     own, opacity = np.random.default_rng(0).random((4, 5, 3)), np.linspace(0, 1, 20).reshape(4, 5)

@@ -57,7 +57,6 @@ def error_of(action, *arguments):
     return caught.value.sentence
 
 
-# --------------------------------------------------------------------------------------------------------- their shapes
 SHAPE = np.array([[True, False, False], [True, True, False]])
 
 
@@ -122,7 +121,6 @@ def test_masks_that_do_not_fit_their_photo_mark_nothing_or_are_damaged_are_named
     assert str(mask.path) in error_of(load_mask, mask, plate_of(mask.view))
 
 
-# ---------------------------------------------------------------------------------------------------------- their names
 def test_masks_are_found_by_stem_or_view_name_sorted_by_object(capture, draw):
     folder = draw("pot/a.png", "pot/r_0.png", "lid/train_r_0.png", ".hidden/a.png")
     (folder / "pot" / "._a.png").write_bytes(b"left by another system")
@@ -186,7 +184,6 @@ def test_photos_of_names_that_are_no_text_are_found_by_their_masks(tmp_path, dra
     assert [path.name for path in (tmp_path / "kept" / "pot").iterdir()] == ["r__1.png"]
 
 
-# ------------------------------------------------------------------------------------------------------ several cameras
 @pytest.fixture
 def rig(tmp_path):
     """A capture whose photos lie in one subfolder a camera, by the same names."""

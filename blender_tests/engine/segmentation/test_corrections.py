@@ -75,7 +75,6 @@ def test_a_pixel_is_what_one_correction_says_or_none_of_what_others_exclude():
     assert targets[0, 2].tolist() == [1, 0, 0]
 
 
-# ------------------------------------------------------------------------------------------------------------ spreading
 # a wall of 60 x 20 points, red on the left, green on the right; the labels say object up to column 40 of 30
 PLACES = np.stack(np.meshgrid(np.arange(60.0), np.arange(20.0), indexing="ij"), -1).reshape(-1, 2)
 COLUMN = PLACES[:, 0]

@@ -168,7 +168,6 @@ def test_an_object_has_seeds_where_votes_for_it_are_confident(targets, confidenc
     assert has_seeds(targets, np.array(confidence, float)).tolist() == expected
 
 
-# ------------------------------------------------------------------------------------------------------------ the parts
 def propagation(n=0, **parts):
     """One over n points of two classes, of which masks say nothing but what is given."""
     blank = dict.fromkeys(_Propagation.__dataclass_fields__)

@@ -74,7 +74,6 @@ def test_merging_agrees_with_a_loop_over_cells():
         assert_allclose(points.lab[number], np.average(color[own], 0, own_weight), atol=1e-9)
 
 
-# --------------------------------------------------------------------------------------------------------------- doubts
 def test_a_label_is_doubted_as_far_as_opinions_contradict_it():
     probabilities, opinion = np.array([[0.1, 0.9], [0.9, 0.1]]), np.array([[0.4, 0.6], [0.75, 0.25]])
     assert_allclose(Labels(probabilities, np.ones(1), opinion).doubt, [[0.4], [0.25]])

@@ -65,7 +65,6 @@ def test_tiles_cover_a_picture_once_and_enlarge_as_one():
     assert np.abs(pieces - whole).max() < 1e-3
 
 
-# ---------------------------------------------------------------------------------------------------------- rough masks
 CAMERA = Camera(24, 16, 20.0, 20.0, 12.0, 8.0, np.eye(4))
 VIEW = View("left", "left", CAMERA, Path("left.jpg"), "train")
 BENT = replace(CAMERA, distortion=(0.3, 0.0, 0.0, 0.0))

@@ -18,7 +18,6 @@ LEFT_HALF = BLOCK & (COLUMNS < 70)
 ON_BALL, ON_LEFT, ON_RIGHT, ON_WALL = (28.5, 40.5, True), (62.5, 40.5, True), (78.5, 40.5, True), (48.5, 12.5, False)
 
 
-# -------------------------------------------------------------------------------------------------------------- prompts
 def test_prompts_survive_json():
     prompts = Prompts(
         (1.0, 2.0, 30.0, 40.0), ((4.5, 5.5, True), (6.5, 7.5, False)), ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))
@@ -64,7 +63,6 @@ def test_prompts_that_mean_nothing_in_a_photo_are_refused_with_a_remedy(prompts)
     Prompts(box=(-20.0, -20.0, 200.0, 50.0)).check(100, 80)  # a box may reach beyond the photo
 
 
-# ------------------------------------------------------------------------------------------------------------ proposals
 @pytest.fixture(scope="module")
 def photo():
     """Float sRGB [72, 96, 3], with a little noise."""
