@@ -89,9 +89,8 @@ def test_damaged_files_are_rejected_and_older_ones_have_no_edges(points, model, 
 
 def test_edges_of_an_edit_shrink_and_grow_points(points, model):
     name, own = model.objects[0], points.probabilities.astype(float)
-    choked, grown = (
-        points.with_edges(model.palettes, {name: model.edit().edge(name, choke=choke).edges[name]}) for choke in (3, -3)
-    )
+    edges = [model.edit().edge(name, choke=choke).edges for choke in (3, -3)]
+    choked, grown = (points.with_edges(model.palettes, {name: each[name]}) for each in edges)
     assert choked.probabilities[:, 0].sum() < own[:, 0].sum() < grown.probabilities[:, 0].sum()
     for each in (choked, grown):
         np.testing.assert_allclose(each.palette_weights[:, 0].sum(1), each.probabilities[:, 0], atol=0.01)

@@ -35,9 +35,8 @@ def disk(radius, softness=1.0, side=SIDE):
 
 def shift(before, after, degrees):
     """How many pixels a straight edge has moved into the object."""
-    steep = abs(sin(radians(degrees))) > abs(cos(radians(degrees)))
-    lost = (before - after).sum(axis=0 if steep else 1)[MIDDLE].mean()
-    return lost * max(abs(sin(radians(degrees))), abs(cos(radians(degrees))))
+    sine, cosine = abs(sin(radians(degrees))), abs(cos(radians(degrees)))
+    return (before - after).sum(axis=0 if sine > cosine else 1)[MIDDLE].mean() * max(sine, cosine)
 
 
 @pytest.mark.parametrize("kind", [np.float16, np.float32])
@@ -113,9 +112,7 @@ def test_object_continues_past_the_border_but_not_into_others(shape):
     assert not apply_edge_shape(object_, shape, room=1 - other.astype(np.float32))[other].any()
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("choke", float("nan")), ("choke", 16.5), ("feather", -1), ("feather", "2")]
-)
+@pytest.mark.parametrize(("name", "value"), [("choke", np.nan), ("choke", 16.5), ("feather", -1), ("feather", "2")])
 def test_invalid_shapes_are_rejected(name, value):
     with pytest.raises(TypeError if value == "2" else BadRequest, match=name):
         EdgeShape(**{name: value})

@@ -218,12 +218,11 @@ def test_doubtful_patch_follows_its_surroundings_and_single_points_stay():
     patch = np.linalg.norm(positions - [8, 10, 0], axis=1) < 4
     alone = (positions == [22, 10, 0]).all(1)
     x = np.where((patch | alone)[:, None], [0.55, 0.45], [0.05, 0.95])
-    found, kept = (
-        propagation(graph=graph)._with_patches(x, np.ones(len(x)), agreed) for agreed in (np.zeros_like(patch), patch)
-    )
+    smooth = propagation(graph=graph)
+    found, kept = (smooth._with_patches(x, np.ones(len(x)), agreed) for agreed in (np.zeros_like(patch), patch))
     assert (found.argmax(1)[patch] == 1).mean() > 0.8
     assert_allclose(found[~patch], x[~patch])
-    assert_allclose(kept, x)  # masks and colors agree on all of the patch
+    assert_allclose(kept, x)  # masks and colors agree on the whole patch
 
 
 def test_neighbor_graph_follows_its_formula():

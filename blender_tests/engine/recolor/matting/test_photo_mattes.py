@@ -48,28 +48,21 @@ def error(coverage, truth):
 
 
 BALL, LAMP, EVERYWHERE, LEFT = disk(96, 96, 50), disk(96, 100, 42), COLUMNS > 0, COLUMNS < 96.5
-SCENES = {  # shapes, colors, background, and the shapes as learned by the field
-    "learned too large": ([BALL], [RED], wall(), [disk(96, 96, 54)]),
-    "touching": ([BALL & LEFT, BALL & ~LEFT], [RED, GREEN], wall(), [BALL & (COLUMNS < 99), BALL & (COLUMNS >= 99)]),
-    "beside its color": ([disk(60, 96, 40)], [RED], wall(disk(140, 96, 40), RED), [disk(60, 96, 40)]),
-    "a thin part is lost": ([LAMP | winding(1.8) & (ROWS > 20)], [GREEN], wall(), [LAMP]),
-    "fills the photo": ([EVERYWHERE], [RED], wall(), [EVERYWHERE]),
-}
+TOO_LARGE = [BALL], [RED], wall(), [disk(96, 96, 54)]
 WHOLE, TIP = np.s_[:], np.s_[:, 24:50]
+SCENES = {  # (shapes, colors, background, shapes as learned by the field), where to compare, and the largest error
+    "learned too large": (TOO_LARGE, WHOLE, 0.01),
+    "touching": (([BALL & LEFT, BALL & ~LEFT], [RED, GREEN], wall(), [BALL & (COLUMNS < 99), BALL & (COLUMNS >= 99)]),
+                 WHOLE, 0.02),
+    "beside its color": (([disk(60, 96, 40)], [RED], wall(disk(140, 96, 40), RED), [disk(60, 96, 40)]), WHOLE, 0.01),
+    "a thin part is lost": (([LAMP | winding(1.8) & (ROWS > 20)], [GREEN], wall(), [LAMP]), TIP, 0.3),
+    "fills the photo": (([EVERYWHERE], [RED], wall(), [EVERYWHERE]), WHOLE, 1e-6),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "part", "most"),
-    [
-        ("learned too large", WHOLE, 0.01),
-        ("touching", WHOLE, 0.02),
-        ("beside its color", WHOLE, 0.01),
-        ("a thin part is lost", TIP, 0.3),
-        ("fills the photo", WHOLE, 1e-6),
-    ],
-)
-def test_edges_follow_the_photo_or_else_the_field(name, part, most):
-    scene = paint(*SCENES[name], SMALL)
+@pytest.mark.parametrize(("painted", "part", "most"), SCENES.values(), ids=SCENES)
+def test_edges_follow_the_photo_or_else_the_field(painted, part, most):
+    scene = paint(*painted, SMALL)
     coverage = found(scene)
     assert error(coverage[part], scene.coverage[part]) < most
     assert coverage.sum(0).max() <= 1.001
@@ -78,7 +71,7 @@ def test_edges_follow_the_photo_or_else_the_field(name, part, most):
 @pytest.fixture(scope="module")
 def ball():
     """A red ball on gray that the field has learned too large by one of its pixels."""
-    scene = paint(*SCENES["learned too large"], SMALL)
+    scene = paint(*TOO_LARGE, SMALL)
     assert error(dense_coverage(field_mattes((SIZE, SIZE), scene.probabilities), (SIZE, SIZE)), scene.coverage) > 0.1
     return scene
 
@@ -124,9 +117,8 @@ def test_thin_part_belongs_to_the_object_if_marked(lamp, is_drawn):
     cable[60:] = False
     brush[:70, 80:112] = True
     assert found(lamp)[0][cable].mean() < 0.3
-    found_now = marked_mask(lamp, brush if is_drawn else None, thin=not is_drawn)
-    assert found_now[cable].mean() > 0.9
-    assert iou(found_now, lamp.coverage[0] > 0.5) > 0.95
+    mask = marked_mask(lamp, brush if is_drawn else None, thin=not is_drawn)
+    assert mask[cable].mean() > 0.9 and iou(mask, lamp.coverage[0] > 0.5) > 0.95
 
 
 def test_spilled_mask_takes_nothing_of_a_neighbor_of_the_same_color():
