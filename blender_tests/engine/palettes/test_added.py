@@ -126,7 +126,7 @@ def test_protected_neutrals_stay():
 @pytest.mark.parametrize(
     ("share_of_silver", "picked", "protect"),
     [(0.5, RED, PROTECT), (0.01, RED, 0.0), (0.5, np.full(3, 0.6), 0.0)],
-    ids=["much silver", "highlights alone", "a gray that is picked"],
+    ids=["much silver", "highlights alone", "a picked gray"],
 )
 def test_protection_is_proposed_from_the_object_colors(share_of_silver, picked, protect):
     color = propose_added_color(silver_with_letters(share_of_silver), picked)

@@ -14,6 +14,9 @@ from karf_engine.palettes.matching.paints import reflection_target
 
 IS_PAINT = conftest.sphere_normals()[1]  # of a striped sphere
 PALETTE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+GREY, PALE = np.full(3, 0.7), (0.75, 0.75, 0.85)
+RED_SWATCHES = [[0, 0, 0], [0.75, 0.05, 0.05], [1, 0.95, 0.95], [1, 0.95, 0.6]]  # black, paint, gloss, stripes
+HALF = [0.5, 0.5, 0.5]
 
 
 def repainted_sphere(first, second, stripes=None, other=None):
@@ -45,9 +48,6 @@ def mix_light(*lights):
 def shades(paint, noise=0.0):
     light = np.linspace(0.2, 1, 9)[:, None] * srgb_to_linear(np.array(paint))
     return linear_to_srgb(light + np.random.default_rng(0).normal(0, noise, (9, 3)))
-
-
-GREY, PALE = np.full(3, 0.7), (0.75, 0.75, 0.85)
 
 
 @pytest.mark.parametrize(
@@ -84,9 +84,6 @@ def test_colored_light_tints_the_new_paint():
 def test_black_source_is_rejected():
     with pytest.raises(BadRequest, match="black"):
         reflection_target(np.ones((1, 3)), np.zeros(3), RED)
-
-
-RED_SWATCHES = [[0, 0, 0], [0.75, 0.05, 0.05], [1, 0.95, 0.95], [1, 0.95, 0.6]]  # black, paint, gloss, stripes
 
 
 @pytest.mark.parametrize(
@@ -199,9 +196,6 @@ def test_least_squares_meets_its_optimality_conditions():
         assert np.abs(gradient[(x > lower) & (x < upper)]).max(initial=0) < 1e-8
         assert gradient[(x == lower) & (lower < upper)].min(initial=0) > -1e-8
         assert gradient[(x == upper) & (lower < upper)].max(initial=0) < 1e-8
-
-
-HALF = [0.5, 0.5, 0.5]
 
 
 @pytest.mark.parametrize(

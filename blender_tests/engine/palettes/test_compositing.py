@@ -17,6 +17,16 @@ from karf_engine.palettes.compositing import (
 from karf_engine.palettes.swatch_picture import delta_picture, paper_picture
 
 SIZE = (90, 250)
+# successive edits: object, swatch, color (None: as learned)
+EDITS = (
+    [(0, 1, (0.9, 0.1, 1.7))],
+    [(0, 1, (0.8, 0.1, 1.7))],
+    [(1, 2, (0.0, 0.7, 0.1))],
+    [(1, 2, (0.1, 0.7, 0.1)), (0, 3, (0.2, 0.2, 0.2))],
+    [(1, 3, (1.0, 1.0, 1.0))],
+    [(0, 1, None)],
+    [(0, 3, None), (1, 2, None), (1, 3, None)],
+)
 
 
 @pytest.fixture
@@ -78,18 +88,6 @@ def test_smaller_palettes_are_padded_with_zeros():
     stacked = stack_palettes(("b", "a"), {"a": np.ones((2, 3)), "b": np.full((3, 3), 0.5)})
     np.testing.assert_array_equal(stacked[:, :, 0], [[0.5, 0.5, 0.5], [1, 1, 0]])
     assert stack_palettes((), {}).shape == (0, 0, 3)
-
-
-# successive edits: object, swatch, color (None: as learned)
-EDITS = (
-    [(0, 1, (0.9, 0.1, 1.7))],
-    [(0, 1, (0.8, 0.1, 1.7))],
-    [(1, 2, (0.0, 0.7, 0.1))],
-    [(1, 2, (0.1, 0.7, 0.1)), (0, 3, (0.2, 0.2, 0.2))],
-    [(1, 3, (1.0, 1.0, 1.0))],
-    [(0, 1, None)],
-    [(0, 3, None), (1, 2, None), (1, 3, None)],
-)
 
 
 @pytest.mark.parametrize("compositing", ["delta", "paper"])

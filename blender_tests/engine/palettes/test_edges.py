@@ -19,6 +19,13 @@ from karf_engine.palettes.swatch_picture import ObjectPlanes, delta_picture
 SIDE = 120
 MIDDLE = slice(40, 80)
 SHAPES = [EdgeShape(choke=2), EdgeShape(choke=-3), EdgeShape(feather=8), EdgeShape(-2, 9), EdgeShape(1, 3)]
+RED, GRAY, BLUE = np.array([0.8, 0.2, 0.2]), np.array([0.5, 0.5, 0.5]), np.array([0.2, 0.2, 0.8])
+POT = Palette("pot", np.array([[0, 0, 0], RED, [0.9, 0.9, 0.9]], np.float32))
+MUG = Palette("mug", np.array([[0, 0, 0], BLUE, [1, 1, 1]], np.float32))
+ROWS, COLUMNS = np.mgrid[:40, :40]
+RADIUS = np.hypot(ROWS - 20, COLUMNS - 14)  # from the middle of the pot
+SPACING, PIXEL = 0.1, 0.5
+PLACES = np.arange(-20, 20, SPACING) + SPACING / 2  # across a straight border
 
 
 def straight_edge(degrees=0.0, softness=1.0):
@@ -118,13 +125,6 @@ def test_invalid_shapes_are_rejected(name, value):
         EdgeShape(**{name: value})
 
 
-RED, GRAY, BLUE = np.array([0.8, 0.2, 0.2]), np.array([0.5, 0.5, 0.5]), np.array([0.2, 0.2, 0.8])
-POT = Palette("pot", np.array([[0, 0, 0], RED, [0.9, 0.9, 0.9]], np.float32))
-MUG = Palette("mug", np.array([[0, 0, 0], BLUE, [1, 1, 1]], np.float32))
-ROWS, COLUMNS = np.mgrid[:40, :40]
-RADIUS = np.hypot(ROWS - 20, COLUMNS - 14)  # from the middle of the pot
-
-
 @pytest.fixture
 def scene():
     """A red pot with soft edges on a ground, a blue mug right beside it: base, weights, coverage."""
@@ -162,13 +162,13 @@ def test_weights_sum_to_coverage_and_other_objects_keep_theirs(scene, shape):
 
 
 def test_growth_recolors_a_missed_rim_and_not_the_ground(scene):
-    base, weights, coverage = scene
+    base, _, coverage = scene
     missed = (RADIUS < 11.5) & (coverage[0] < 1)
     base[missed] = RED  # the pot continues where its coverage ends
     learned = stack_palettes(["pot", "mug"], {"pot": POT.colors, "mug": MUG.colors})
     edited = learned.copy()
     edited[0, 1] = [0.1, 0.6, 0.1]
-    after, _ = shape_pot((base, weights, coverage), EdgeShape(choke=-4))
+    after, _ = shape_pot(scene, EdgeShape(choke=-4))
     picture = delta_composite(base.astype(np.float32), after, learned, edited)
     assert (missed & (picture[..., 0] < 0.15)).sum() > 0.9 * missed.sum()
     ground = (coverage.sum(axis=0) == 0) & ~missed
@@ -224,10 +224,6 @@ def test_empty_coverage_stays_empty(scene):
         planes[0] = 0
     after, covered = shape_pot(scene, EdgeShape(-5, 20))
     assert not after[0].any() and not covered[0].any()
-
-
-SPACING, PIXEL = 0.1, 0.5
-PLACES = np.arange(-20, 20, SPACING) + SPACING / 2  # across a straight border
 
 
 def shape_points(shape, others=0.0):

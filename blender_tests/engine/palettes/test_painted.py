@@ -24,6 +24,8 @@ SHARES = RANDOM.dirichlet([1, 3, 0.5], (HEIGHT, WIDTH)).astype(np.float32)
 WEIGHTS = np.moveaxis(SHARES, -1, 0)[None] * PROBABILITIES[:, None]
 BASE = np.einsum("kmhw,kmc->hwc", WEIGHTS, np.stack([POT.colors, MUG.colors]))
 BASE = np.clip(BASE + RANDOM.normal(0, 0.01, BASE.shape), 0, 1).astype(np.float32)
+SPOT = np.s_[8:14], np.s_[4:10]
+REFLECTION = np.s_[10:20], np.s_[-12:]
 
 
 def recolored(colors, rows=np.s_[:], columns=np.s_[:], paint=None):
@@ -36,10 +38,6 @@ def recolored(colors, rows=np.s_[:], columns=np.s_[:], paint=None):
 
 def match(wanted, edited=LEARNED):
     return {each.name: each for each in match_picture(WEIGHTS, PROBABILITIES, BASE, wanted, (POT, MUG), edited)}
-
-
-SPOT = np.s_[8:14], np.s_[4:10]
-REFLECTION = np.s_[10:20], np.s_[-12:]
 
 
 @pytest.mark.parametrize(

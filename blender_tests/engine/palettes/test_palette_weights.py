@@ -27,6 +27,8 @@ PALETTES = {
     "all black": np.zeros((2, 3)),
     "twins": np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
 }
+COLORS = np.random.default_rng(2).random((2000, 3))
+PALETTE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, 0]], np.float32)
 
 
 @pytest.fixture(params=PALETTES.values(), ids=PALETTES.keys())
@@ -72,9 +74,6 @@ def test_image_weights_equal_weights_of_its_pixels():
     assert star_weights(np.zeros((0, 3)), LEGO).shape == (0, 6)
 
 
-COLORS = np.random.default_rng(2).random((2000, 3))
-
-
 @pytest.mark.parametrize("size", [2, 3, 4, 6, 12, 30])
 def test_plain_hull_gives_the_weights_of_scipy(size):
     palette = np.concatenate([np.zeros((1, 3)), np.random.default_rng(size).random((size - 1, 3))])
@@ -89,9 +88,6 @@ def test_plain_hull_of_degenerate_palettes_mixes_the_same_colors(name):
     np.testing.assert_allclose(found @ palette, star_weights(COLORS, palette) @ palette, atol=1e-5)
     np.testing.assert_allclose(found.sum(axis=1), 1, atol=1e-5)
     assert (found >= 0).all()
-
-
-PALETTE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, 0]], np.float32)
 
 
 @pytest.fixture

@@ -25,6 +25,24 @@ from karf_engine.recolor.photos import StoredPhoto
 from karf_engine.segmentation.views import MaskedViews
 
 KINDS = pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+GAINS = 0.7, 1.0, 1.2
+SIDE = 32
+TEAL = Palette("pot", np.array([[0, 0, 0], [0.1, 0.6, 0.5], [0.75, 0.8, 0.7]], np.float32))
+RUST = Edit({"pot": np.array([[0, 0, 0], [0.6, 0.25, 0.1], [0.8, 0.75, 0.7]], np.float32)})
+# in the mean exposure: a pot of lit and dark paint and gloss in the left half, before a gray wall
+POT = np.random.default_rng(0).dirichlet((1, 3, 1), (SIDE, SIDE)).astype(np.float32) @ TEAL.colors
+POT[:, SIDE // 2 :] = 0.5
+
+GRAIN = 2.0  # in 1/255
+NAVY = Palette("jacket", np.array([[0, 0, 0], [0.12, 0.14, 0.3], [0.9, 0.9, 1]], np.float32))
+ORANGE = Edit({"jacket": np.array([[0, 0, 0], [1.2, 0.5, 0.1], [1, 0.95, 0.9]], np.float32)})
+
+RED_POT = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.1], [1, 0.9, 0.8]], np.float32))
+MUG = Palette("mug", np.array([[0, 0, 0], [0.2, 0.3, 0.9]], np.float32))
+TO_GREEN = np.array([[0.3, 0.7, 0], [0.3, 0.6, 0], [0.3, 0, 0.7]], np.float32)
+GREEN = Edit({"pot": RED_POT.colors @ TO_GREEN, "mug": MUG.colors})
+HEIGHT, WIDTH = 40, 60
+RADIUS = np.hypot(*(np.mgrid[:HEIGHT, :WIDTH] - np.array([18, 25])[:, None, None]))  # from the middle of the pot
 
 
 def store_photo(picture, kind, orientation=1):
@@ -41,18 +59,9 @@ def matte(rows, columns, coverage=1.0, color=(0, 0, 0)):
 
 
 def test_edit_without_change_keeps_every_bit():
-    for view, palettes in ((grainy_view(np.uint8), [NAVY]), (exposed_view(POT * GAINS, GAINS, np.uint8), [TEAL])):
-        same = Edit({palette.name: palette.colors for palette in palettes})
-        np.testing.assert_array_equal(view.recolor(same).pixels, view.photo.pixels)
-
-
-GAINS = 0.7, 1.0, 1.2
-SIDE = 32
-TEAL = Palette("pot", np.array([[0, 0, 0], [0.1, 0.6, 0.5], [0.75, 0.8, 0.7]], np.float32))
-RUST = Edit({"pot": np.array([[0, 0, 0], [0.6, 0.25, 0.1], [0.8, 0.75, 0.7]], np.float32)})
-# in the mean exposure: a pot of lit and dark paint and gloss in the left half, before a gray wall
-POT = np.random.default_rng(0).dirichlet((1, 3, 1), (SIDE, SIDE)).astype(np.float32) @ TEAL.colors
-POT[:, SIDE // 2 :] = 0.5
+    for view, palette in ((grainy_view(np.uint8), NAVY), (exposed_view(POT * GAINS, GAINS, np.uint8), TEAL)):
+        same = view.recolor(Edit({palette.name: palette.colors}))
+        np.testing.assert_array_equal(same.pixels, view.photo.pixels)
 
 
 def exposed_view(picture, gains, kind):
@@ -97,11 +106,6 @@ def test_objects_learn_their_colors_in_the_mean_exposure():
     np.testing.assert_allclose(darker, alike, atol=1e-6)
 
 
-GRAIN = 2.0  # 1/255
-NAVY = Palette("jacket", np.array([[0, 0, 0], [0.12, 0.14, 0.3], [0.9, 0.9, 1]], np.float32))
-ORANGE = Edit({"jacket": np.array([[0, 0, 0], [1.2, 0.5, 0.1], [1, 0.95, 0.9]], np.float32)})
-
-
 def grainy_view(kind):
     """A navy jacket, lit from the left, with a sharp white button."""
     clean = np.linspace(1, 0.4, 64)[None, :, None] * NAVY.colors[1] * np.ones((64, 1, 1))
@@ -140,14 +144,6 @@ def test_noise_estimate_ignores_texture():
     assert denoise(drawing, 0.0) is drawing
     grainy = drawing + np.random.default_rng(1).normal(0, GRAIN, drawing.shape)
     assert estimate_noise(grainy) == pytest.approx(GRAIN, rel=0.15)
-
-
-RED_POT = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.1], [1, 0.9, 0.8]], np.float32))
-MUG = Palette("mug", np.array([[0, 0, 0], [0.2, 0.3, 0.9]], np.float32))
-TO_GREEN = np.array([[0.3, 0.7, 0], [0.3, 0.6, 0], [0.3, 0, 0.7]], np.float32)
-GREEN = Edit({"pot": RED_POT.colors @ TO_GREEN, "mug": MUG.colors})
-HEIGHT, WIDTH = 40, 60
-RADIUS = np.hypot(*(np.mgrid[:HEIGHT, :WIDTH] - np.array([18, 25])[:, None, None]))  # from the middle of the pot
 
 
 def edged_view(kind=np.uint8, orientation=1):

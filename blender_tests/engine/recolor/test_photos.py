@@ -20,6 +20,7 @@ ROWS, COLUMNS = slice(2, 5), slice(1, 4)
 UNEDITED = np.ones((7, 5), bool)
 UNEDITED[ROWS, COLUMNS] = False
 REDDER = np.array([0.2, -0.1, 0.0], np.float32)
+ZIP, DWAA = OpenEXR.ZIP_COMPRESSION, OpenEXR.DWAA_COMPRESSION
 
 
 def random_words(*shape):
@@ -150,9 +151,6 @@ def test_jpeg_is_kept_on_request(tmp_path):
 
 def random_light(*shape):
     return np.random.default_rng(3).random(shape, np.float32) * 1.5
-
-
-ZIP, DWAA = OpenEXR.ZIP_COMPRESSION, OpenEXR.DWAA_COMPRESSION
 
 
 def write_exr(path, channels, **header):

@@ -25,6 +25,9 @@ from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 from karf_engine.splats.rasterizer import rasterize
 
+PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
+BLUE = Edit({"pot": np.float32([[0, 0, 0], [0, 0, 1], [1, 1, 1]])})
+
 
 @pytest.fixture(scope="module")
 def model(learned):
@@ -177,10 +180,6 @@ def test_border_distances_ignore_strays_and_pixels_scale_with_depth():
     assert (np.abs(np.delete(off, stray)) < 1.5 * spacing).all() and np.abs(off.mean()) < 0.5 * spacing
     assert borders.pixels[0] == pytest.approx(depth / focal, rel=1e-3)
     assert borders.spacings[0] == pytest.approx(spacing, rel=0.4)
-
-
-PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
-BLUE = Edit({"pot": np.float32([[0, 0, 0], [0, 0, 1], [1, 1, 1]])})
 
 
 def gaussian(harmonics=0.0):

@@ -23,6 +23,7 @@ CAMERA = Camera(18, 12, 20.0, 20.0, 9.0, 6.0, np.eye(4))
 VIEWS = [("a", "a", "train"), ("train_r_0", "r_0", "train"), ("test_r_0", "r_0", "test"), ("held", "held", "test")]
 COMPOSED, DECOMPOSED = "caf\u00e9", "cafe\u0301"
 IMPOSSIBLE_NAMES = "CON", "a:b", "pot.", "po\nt", os.fsdecode(b"p\xffot")
+SHAPE = np.array([[True, False, False], [True, True, False]])
 
 
 @pytest.fixture
@@ -56,9 +57,6 @@ def error_of(action, *arguments):
         action(*arguments)
     assert caught.value.hint
     return caught.value.sentence
-
-
-SHAPE = np.array([[True, False, False], [True, True, False]])
 
 
 def rgba(color, alpha):

@@ -20,6 +20,11 @@ from karf_engine.segmentation.label_propagation import neighbor_graph
 from karf_engine.segmentation.surface_points import Labels
 
 CAMERA = Camera(18, 12, 20.0, 20.0, 9.0, 6.0, np.eye(4))
+# a wall of 60 x 20 points, red left of column 30 and green right of it, labelled as object up to column 40
+PLACES = np.stack(np.meshgrid(np.arange(60.0), np.arange(20.0), indexing="ij"), -1).reshape(-1, 2)
+COLUMN = PLACES[:, 0]
+IS_RED = COLUMN < 30
+LABELLED = np.where((COLUMN < 40)[:, None], [0.1, 0.9], [0.9, 0.1])
 
 
 @pytest.fixture
@@ -73,13 +78,6 @@ def test_targets_combine_marked_and_excluded_objects():
     assert targets[0, 0].tolist() == [0, 1, 0]
     assert targets[0, 1].tolist() == [0.5, 0, 0.5]
     assert targets[0, 2].tolist() == [1, 0, 0]
-
-
-# a wall of 60 x 20 points, red left of column 30 and green right of it, labelled as object up to column 40
-PLACES = np.stack(np.meshgrid(np.arange(60.0), np.arange(20.0), indexing="ij"), -1).reshape(-1, 2)
-COLUMN = PLACES[:, 0]
-IS_RED = COLUMN < 30
-LABELLED = np.where((COLUMN < 40)[:, None], [0.1, 0.9], [0.9, 0.1])
 
 
 def disk(radius):

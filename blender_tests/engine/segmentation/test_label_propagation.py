@@ -21,6 +21,7 @@ from karf_engine.segmentation.label_propagation import (
 VOXEL = 0.05
 RED, GREEN, BLUE, WHITE, GRAY = (0.8, 0.15, 0.1), (0.15, 0.6, 0.2), (0.15, 0.25, 0.8), (0.9, 0.9, 0.88), (0.5, 0.5, 0.5)
 UP = np.array([0.0, 0.0, 1.0])
+TARGETS = np.array([[0.0, 1.0, 0.0], [0.5, 0.0, 0.5], [0.0, 0.0, 1.0]])
 
 
 def sphere(center, radius, count):
@@ -147,9 +148,6 @@ def test_objects_and_background_keep_their_points(scene, of_object, of_ground):
     labels = propagate(*points, coarse, seen)
     assert (labels.classes[truth == 1] == 1).mean() >= of_object
     assert (labels.classes[truth == 0] == 0).mean() >= of_ground
-
-
-TARGETS = np.array([[0.0, 1.0, 0.0], [0.5, 0.0, 0.5], [0.0, 0.0, 1.0]])
 
 
 @pytest.mark.parametrize(

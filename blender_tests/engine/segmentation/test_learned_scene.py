@@ -20,6 +20,8 @@ from karf_engine.segmentation.report import SegmentationReport, Suggestions
 from karf_engine.segmentation.surface_points import surface_points
 from karf_engine.segmentation.views import cache_views, farthest_point_views, load_masked_views
 
+KEYS = "objects precision iou_with_marks views marked surface_points suggestions any_view_helps".split()
+
 
 @pytest.fixture(scope="module")
 def project(learned):
@@ -79,9 +81,6 @@ def test_suggestions_say_whether_any_view_helps(learned, tmp_path, capsys):
         output = capsys.readouterr().out
         assert next(iter(written["suggestions"])) in output
         assert ("Any view helps about as much." in output) == any_view_helps
-
-
-KEYS = "objects precision iou_with_marks views marked surface_points suggestions any_view_helps".split()
 
 
 @pytest.mark.parametrize("key", KEYS)

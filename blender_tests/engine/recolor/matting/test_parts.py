@@ -15,6 +15,10 @@ from karf_engine.recolor.matting.thin_parts import Marks, read_marks, undistort_
 from karf_engine.recolor.matting.tiles import tiles, upsample_tile
 from karf_engine.segmentation.random_walk import neighbor_links, random_walk
 
+CAMERA = Camera(24, 16, 20.0, 20.0, 12.0, 8.0, np.eye(4))
+VIEW = View("left", "left", CAMERA, Path("left.jpg"), "train")
+BENT = replace(CAMERA, distortion=(0.3, 0.0, 0.0, 0.0))
+
 
 def test_matting_recovers_the_coverage_of_mixed_colors():
     random = np.random.default_rng(0)
@@ -61,11 +65,6 @@ def test_tiles_cover_a_picture_once_and_upsample_as_one():
         pieces[(slice(None), *tile.place)] = upsample_tile(planes, (70, 50), tile)[(slice(None), *tile.inner)]
     assert (counted == 1).all()
     assert np.abs(pieces - whole).max() < 1e-3
-
-
-CAMERA = Camera(24, 16, 20.0, 20.0, 12.0, 8.0, np.eye(4))
-VIEW = View("left", "left", CAMERA, Path("left.jpg"), "train")
-BENT = replace(CAMERA, distortion=(0.3, 0.0, 0.0, 0.0))
 
 
 def write_mask(path, mask):

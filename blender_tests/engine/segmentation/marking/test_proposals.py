@@ -16,6 +16,7 @@ BALL = (COLUMNS - 28) ** 2 + (ROWS - 40) ** 2 < 15**2
 BLOCK = (abs(COLUMNS - 70) < 14) & (abs(ROWS - 40) < 18)
 LEFT_HALF = BLOCK & (COLUMNS < 70)
 ON_BALL, ON_LEFT, ON_RIGHT, ON_WALL = (28.5, 40.5, True), (62.5, 40.5, True), (78.5, 40.5, True), (48.5, 12.5, False)
+AROUND_BALL = (8.0, 20.0, 48.0, 60.0)
 
 
 def test_prompts_round_trip_through_json():
@@ -59,9 +60,6 @@ def photo():
     colors = np.full((HEIGHT, WIDTH, 3), 0.6) + 0.1 * COLUMNS[..., None] / WIDTH
     colors[BALL], colors[BLOCK], colors[LEFT_HALF] = (0.8, 0.2, 0.15), (0.9, 0.85, 0.3), (0.15, 0.25, 0.7)
     return np.clip(colors + np.random.default_rng(0).normal(0, 0.01, colors.shape), 0, 1).astype(np.float32)
-
-
-AROUND_BALL = (8.0, 20.0, 48.0, 60.0)
 
 
 @pytest.mark.parametrize(
