@@ -107,6 +107,6 @@ def test_worst_patch_is_named_and_a_dark_chart_is_rejected():
         ([[10, 10], [90, 10], [90, 60], [10, 60]], "patches are neither|does not look like"),  # beside the chart
     ],
 )
-def test_malformed_charts_are_rejected(photo, corners, words):
+def test_impossible_chart_corners_are_rejected(photo, corners, words):
     with pytest.raises(BadRequest, match=words):
         fit_photo(photo, np.array(corners, float))

@@ -101,7 +101,7 @@ def test_feather_fades_an_edge_symmetrically(degrees, width):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_blocks_leave_no_seams_and_half_the_size_needs_half_the_pixels(shape, monkeypatch):
+def test_blocks_leave_no_seams_and_scale_matches_a_halved_picture(shape, monkeypatch):
     fine = disk(80, 2, side=240)
     coarse, halved = (each.reshape(120, 2, 120, 2).mean(axis=(1, 3)) for each in (fine, apply_edge_shape(fine, shape)))
     small = apply_edge_shape(coarse, shape, scale=0.5)

@@ -35,12 +35,12 @@ def wall(shape=None, color=GREEN):
     return picture
 
 
-def mattes_of(scene):
+def find_mattes(scene):
     return make_mattes("photo", scene.photo, scene.probabilities, scene.rendered)
 
 
-def found(scene):
-    return dense_coverage(mattes_of(scene), scene.photo.shape[:2])
+def find_coverage(scene):
+    return dense_coverage(find_mattes(scene), scene.photo.shape[:2])
 
 
 def error(coverage, truth):
@@ -63,7 +63,7 @@ SCENES = {  # (shapes, colors, background, shapes as learned by the field), wher
 @pytest.mark.parametrize(("painted", "part", "most"), SCENES.values(), ids=SCENES)
 def test_edges_follow_the_photo_or_else_the_field(painted, part, most):
     scene = paint(*painted, SMALL)
-    coverage = found(scene)
+    coverage = find_coverage(scene)
     assert error(coverage[part], scene.coverage[part]) < most
     assert coverage.sum(0).max() <= 1.001
 
@@ -77,7 +77,7 @@ def ball():
 
 
 def test_mixed_pixels_hold_the_color_of_the_object(ball):
-    matte = mattes_of(ball)[0]
+    matte = find_mattes(ball)[0]
     mostly = matte.coverage.ravel()[matte.mixed] > 0.5
     assert mostly.sum() > 30
     photo = ball.photo[slice(*matte.rows), slice(*matte.columns)].reshape(-1, 3)[matte.mixed]
@@ -116,7 +116,7 @@ def test_thin_part_belongs_to_the_object_if_marked(lamp, is_drawn):
     cable, brush = lamp.coverage[0] > 0.5, np.zeros((SIZE, SIZE), bool)
     cable[60:] = False
     brush[:70, 80:112] = True
-    assert found(lamp)[0][cable].mean() < 0.3
+    assert find_coverage(lamp)[0][cable].mean() < 0.3
     mask = marked_mask(lamp, brush if is_drawn else None, thin=not is_drawn)
     assert mask[cable].mean() > 0.9 and iou(mask, lamp.coverage[0] > 0.5) > 0.95
 
@@ -124,10 +124,10 @@ def test_thin_part_belongs_to_the_object_if_marked(lamp, is_drawn):
 def test_spilled_mask_takes_nothing_of_a_neighbor_of_the_same_color():
     neighbors = [wall((np.abs(COLUMNS - 96) < width) & (ROWS < 60)) for width in (30, 4)]
     thick, thin = (paint([LAMP], [GREEN], neighbor, [LAMP], SMALL) for neighbor in neighbors)
-    expected = found(thick)[0] > 0.5
+    expected = find_coverage(thick)[0] > 0.5
     for spilled in (disk(96, 100, 48), disk(96, 90, 60)):
         assert np.array_equal(marked_mask(thick, spilled, thin=True), expected)
-    assert found(thin)[0, :30].max() < 0.05
+    assert find_coverage(thin)[0, :30].max() < 0.05
 
 
 def test_stray_patches_and_unseen_objects_cover_nothing(ball):
@@ -139,7 +139,7 @@ def test_stray_patches_and_unseen_objects_cover_nothing(ball):
 
 
 def test_disputed_matte_follows_the_field_and_says_so(ball):
-    assert not mattes_of(ball)[0].disputed
+    assert not find_mattes(ball)[0].disputed
     # the field claims a thin ring around the ball; in the photo the ring looks like the wall
     ring = disk(96, 96, 64) & ~disk(96, 96, 52)
     claimed = cv2.resize(ring.astype(np.float32), (SMALL, SMALL), interpolation=cv2.INTER_AREA)[None] * 0.75
