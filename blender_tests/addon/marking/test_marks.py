@@ -251,20 +251,12 @@ def test_corrections_are_written_and_solved_at_once(addon, correcting):
 
 
 # --- objects and views -----------------------------------------------------------------------------------------------
-NAMES = {
-    "red flower": "red flower",
-    "Blüte": "Blüte",
-    "a/b": "a_b",
-    "pot.": "pot_",
-    "aux": "_aux",
-    ".hidden": "_.hidden",
-    "Background": "_Background",
-    "  ": "object",
-}
+TYPED = "red flower", "Blüte", "a/b", "pot.", "aux", ".hidden", "Background", "  "
+NAMES = "red flower", "Blüte", "a_b", "pot_", "_aux", "_.hidden", "_Background", "object"
 
 
 def test_typed_names_become_valid_file_names(addon, project_scene):
-    for typed, name in NAMES.items():
+    for typed, name in zip(TYPED, NAMES, strict=True):
         assert addon.steps.add_object(project_scene, typed) == name
         assert addon.engine_api.is_file_name(name)
 

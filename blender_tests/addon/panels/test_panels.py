@@ -1,6 +1,7 @@
 """The panels draw in every project state, name only what exists, and write nothing."""
 
 from collections import Counter
+from operator import attrgetter
 from types import SimpleNamespace
 
 import numpy as np
@@ -83,62 +84,51 @@ def desk(bpy, addon, scene, seeing, monkeypatch, tmp_path):
     return Desk(bpy, addon, monkeypatch, tmp_path)
 
 
+def setting(owner, **values):
+    return lambda desk: desk.set(attrgetter(owner)(desk), **values)
+
+
+def dismissed(action):
+    return lambda desk: (action(desk), desk.bpy.ops.karf.dismiss())
+
+
 RUNNING = {"running": True, "stage": "Learn Scene", "fraction": 0.5, "text": "50%"}
-FAILED = {
-    "stage": "Learn Scene",
-    "error": "photo_7.png is missing.",
-    "hint": "Find it.",
-    "warnings": "The lid is dark.",
-}
-FAILURE = {"Learn Scene failed": 1, "photo_7.png is missing.": 1, "Find it.": 1, "The lid is dark.": 1}
+FAILED = {"stage": "Learn Scene", "error": "a.png is missing.", "hint": "Find it.", "warnings": "The lid is dark."}
+FAILURE = {"Learn Scene failed": 1, "a.png is missing.": 1, "Find it.": 1, "The lid is dark.": 1}
+POINTS = {"show_reprojection": 1, "Look through a view to see its errors": 1}
 SURFACE = {"saturation": 2, "brightness": 2, "gloss": 2, "karf.reset_surface": 2}
 EMPTY = {"karf.import_capture": 1, "color": 0, "karf.cancel": 0, "preferences.addon_show": 0}
 # two objects with two colors each and no black; one reset per swatch and one per object
 SWATCHES = {"color": 4, "karf.reset_swatch": 6, "KARF_MT_swatch": 4, "KARF_MT_palette": 2, "karf.solo_swatch": 6}
 FOLDED = ("karf.becomes", "karf.match_picture", "karf.follow_splat", "karf.see_view", "gloss", "tint", "Prepare")
 ANY, NEXT = "All views would help about equally", "Mark next: photo_2"
+FAIL, WROTE = setting("progress", **FAILED), lambda desk: desk.addon.progress.wrote(desk.folder)
 # state: its fixture, the action that leads there, how often each control or text is drawn
 STATES = {
     "empty": ("scene", lambda desk: None, EMPTY),
     "no engine": ("scene", Desk.lose_engine, {"preferences.addon_show": 1}),
     "installing": ("scene", Desk.install, {"Engine: Installing torch": 1}),
-    "running": (
-        "scene",
-        lambda desk: desk.set(desk.progress, **RUNNING),
-        {"Learn Scene": 1, "50%": 1, "karf.cancel": 1},
-    ),
-    "failed": ("scene", lambda desk: desk.set(desk.progress, **FAILED), FAILURE),
-    "dismissed": (
-        "scene",
-        lambda desk: (desk.set(desk.progress, **FAILED), desk.bpy.ops.karf.dismiss()),
-        dict.fromkeys([*FAILURE, "karf.dismiss"], 0),
-    ),
-    "wrote": ("scene", lambda desk: desk.addon.progress.wrote(desk.folder), {"karf.open_folder": 1}),
-    "wrote, dismissed": (
-        "scene",
-        lambda desk: (desk.addon.progress.wrote(desk.folder), desk.bpy.ops.karf.dismiss()),
-        {"karf.open_folder": 0},
-    ),
+    "running": ("scene", setting("progress", **RUNNING), {"Learn Scene": 1, "50%": 1, "karf.cancel": 1}),
+    "failed": ("scene", FAIL, FAILURE),
+    "failed, dismissed": ("scene", dismissed(FAIL), dict.fromkeys([*FAILURE, "karf.dismiss"], 0)),
+    "wrote": ("scene", WROTE, {"karf.open_folder": 1}),
+    "wrote, dismissed": ("scene", dismissed(WROTE), {"karf.open_folder": 0}),
     "imported": ("project_scene", lambda desk: None, {"There are no sparse points to check the cameras with": 1}),
-    "points": (
-        "project_scene",
-        lambda desk: desk.set(desk.karf, n_points=7),
-        {"show_reprojection": 1, "Look through a view to see its errors": 1},
-    ),
+    "points": ("project_scene", setting("karf", n_points=7), POINTS),
     "errors": ("project_scene", Desk.errors, {"7 points, median error 0.50 px,": 1, "worst 2.25 px": 1}),
     "learned": ("learned", lambda desk: None, SWATCHES | {"Show": 1} | dict.fromkeys(FOLDED, 0)),
-    "becomes": ("learned", lambda desk: desk.set(desk.pot, show_becomes=True), {"karf.becomes": 1}),
-    "match": ("learned", lambda desk: desk.set(desk.karf.match, show=True), {"karf.match_picture": 1}),
+    "becomes": ("learned", setting("pot", show_becomes=True), {"karf.becomes": 1}),
+    "match": ("learned", setting("karf.match", show=True), {"karf.match_picture": 1}),
     "merged": ("learned", Desk.merge, {"color": 3, "karf.reset_swatch": 6}),
-    "surface": ("learned", lambda desk: desk.set(desk.pot, show_surface=True), SURFACE),
+    "surface": ("learned", setting("pot", show_surface=True), SURFACE),
     "surface of merged": ("learned", lambda desk: (desk.set(desk.pot, show_surface=True), desk.merge()), {"gloss": 1}),
     "suggested": ("learned", Desk.segmented, {NEXT: 1, ANY: 0, "pot: 25 % unsure, not visible in": 1}),
     "any suggested": ("learned", lambda desk: desk.segmented(any_view_helps=True), {NEXT: 1, ANY: 1}),
     "splats": ("learned", lambda desk: make(desk.bpy, "kiri", 1), {"karf.follow_splat": 1}),
     "following": ("learned", Desk.follow_splats, {"karf.follow_splat": 1}),
     "following unlinked": ("learned", lambda desk: desk.follow_splats(is_linked=False), {"karf.follow_splat": 0}),
-    "not prepared": ("learned", lambda desk: desk.set(desk.karf, active_view="photo_2"), {"Prepare": 1, "Show": 0}),
-    "as learned": ("learned", lambda desk: desk.set(desk.seeing, mode="LEARNED"), {"karf.see_view": 1}),
+    "not prepared": ("learned", setting("karf", active_view="photo_2"), {"Prepare": 1, "Show": 0}),
+    "as learned": ("learned", setting("seeing", mode="LEARNED"), {"karf.see_view": 1}),
     "masks": ("learned", lambda desk: desk.masks("photo_0"), {"tint": 1, "lid": 2, "pot": 2}),
     "no masks": ("learned", lambda desk: desk.masks("photo_2"), {"Press Show Masks for this view": 1}),
 }
@@ -224,9 +214,8 @@ def test_swatch_fields_offer_the_swatch_menu_on_right_click(bpy, addon, learned)
     assert offered(learned.karf) == offered(None) == []
 
 
-@pytest.fixture
-def draw_dialog(bpy, addon):
-    def draw(name):
+def test_dialogs_show_options_of_the_chosen_format(bpy, addon, learned):
+    def draw_dialog(name):
         drawn = []
         operator = SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=getattr(bpy.ops.karf, name).get_rna_type())
         kind = next(each for each in vars(addon.render).values() if getattr(each, "bl_idname", "") == f"karf.{name}")
@@ -234,10 +223,6 @@ def draw_dialog(bpy, addon):
         operator.draw(bpy.context)
         return drawn
 
-    return draw
-
-
-def test_dialogs_show_options_of_the_chosen_format(learned, draw_dialog):
     karf, drawn = learned.karf, draw_dialog("render_camera")
     assert {"camera", "resolution_x", "frame_start", "frame_end", "frame_step", "file_format", "out"} <= {*drawn}
     assert drawn.count("color_depth") == 2 and karf.color_depth == "8"
@@ -252,16 +237,8 @@ def test_dialogs_show_options_of_the_chosen_format(learned, draw_dialog):
 
 
 # --- two editors -----------------------------------------------------------------------------------------------------
-PICTURE_CONTROLS = {
-    "KARF_UL_objects",
-    "karf.mark",
-    "color",
-    "KARF_MT_swatch",
-    "karf.keep_look",
-    "karf.show_masks",
-    "mode",
-}
-SCENE_CONTROLS = {"karf.import_capture", "karf.learn_all", "karf.segment", "karf.extract_palette", "karf.render_camera"}
+PICTURE_CONTROLS = "KARF_UL_objects karf.mark color KARF_MT_swatch karf.keep_look karf.show_masks mode".split()
+SCENE_CONTROLS = "karf.import_capture karf.learn_all karf.segment karf.extract_palette karf.render_camera".split()
 
 
 def test_two_editors_share_the_steps_and_one_shows_all(learned, desk):
@@ -270,12 +247,12 @@ def test_two_editors_share_the_steps_and_one_shows_all(learned, desk):
     left, right = desk.draw(VIEW, IMAGE), desk.draw(IMAGE, VIEW)
     in_both = {each for each in {*left} & {*right} if "." in each or each.startswith("KARF_")}
     assert in_both == {"karf.open_manual"}
-    assert {*left} >= SCENE_CONTROLS and not {*left} & PICTURE_CONTROLS
-    assert {*right} >= PICTURE_CONTROLS and not {*right} & SCENE_CONTROLS
+    assert {*left}.issuperset(SCENE_CONTROLS) and {*left}.isdisjoint(PICTURE_CONTROLS)
+    assert {*right}.issuperset(PICTURE_CONTROLS) and {*right}.isdisjoint(SCENE_CONTROLS)
     assert "No job is running" in left and "No job is running" not in right
     assert left.count("Image Editor") == 2  # points to the other steps
     for editor in (VIEW, IMAGE):
-        assert {*desk.draw(editor)} >= SCENE_CONTROLS | PICTURE_CONTROLS
+        assert {*desk.draw(editor)}.issuperset(SCENE_CONTROLS + PICTURE_CONTROLS)
         assert "Image Editor" not in desk.draw(editor)
 
 
@@ -302,11 +279,10 @@ def test_status_keeps_its_number_of_rows(bpy, addon, desk):
             Rows.count += 1
             return Layout(bpy, [])
 
+        label = row
+
         def column(self, **_):
             return self
-
-        def label(self, **_):
-            Rows.count += 1
 
     for state in ({}, {"running": True}, {"running": False, **FAILED}):
         desk.set(desk.progress, **state)

@@ -30,9 +30,7 @@ def background(bpy, scene):
 
 
 @pytest.mark.parametrize("part", [1, 2])
-def test_distorted_photo_is_undistorted_for_view_and_stored_for_painting(
-    bpy, addon, scene, bent, tmp_path, monkeypatch, part
-):
+def test_distorted_photo_is_undistorted_except_for_painting(bpy, addon, scene, bent, tmp_path, monkeypatch, part):
     if part > 1:
         monkeypatch.setattr(addon.photos, "MOST_PIXELS", WIDTH * HEIGHT // part**2, raising=False)
     folder, pixels = bent
@@ -46,7 +44,7 @@ def test_distorted_photo_is_undistorted_for_view_and_stored_for_painting(
     assert tuple(photo.size) == (WIDTH, HEIGHT) and photo.filepath == str(folder / "images" / "a.png")
 
 
-def test_undistorted_photo_is_made_once_and_kept_in_the_project(bpy, addon, scene, bent, tmp_path):
+def test_undistorted_photo_is_made_once_and_only_if_wanted(bpy, addon, scene, bent, tmp_path):
     addon.steps.import_capture(scene, bent[0], tmp_path / "project")
     (made,) = addon.folders.project_of(scene).photos_folder.iterdir()
     written = made.stat().st_mtime_ns
@@ -54,9 +52,6 @@ def test_undistorted_photo_is_made_once_and_kept_in_the_project(bpy, addon, scen
     addon.steps.import_capture(scene, bent[0], tmp_path / "project")
     assert background(bpy, scene) == str(made) and made.stat().st_mtime_ns == written
     assert len(scene.camera.data.background_images) == 1
-
-
-def test_looking_through_adds_no_photo_when_photos_are_off(addon, scene, bent, tmp_path):
     addon.steps.import_capture(scene, bent[0], tmp_path / "project", rig=addon.steps.RigOptions(photos=False))
     assert not scene.camera.data.background_images
 

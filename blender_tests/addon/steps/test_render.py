@@ -164,18 +164,14 @@ def test_dialog_frames_are_rendered_without_changing_the_scene(bpy, addon, learn
     assert (learned.frame_start, learned.frame_end) == (1, 250)
 
 
-@pytest.mark.parametrize(
-    ("file_format", "depth", "mode", "expected"),
-    [
-        ("PNG", "8", "RGB", ("png8", False)),
-        ("PNG", "16", "RGBA", ("png16", True)),
-        ("OPEN_EXR", "16", "RGBA", ("exr16", True)),
-        ("OPEN_EXR", "32", "RGB", ("exr32", False)),
-    ],
-)
-def test_engine_receives_the_chosen_output_format(addon, learned, file_format, depth, mode, expected):
+OUTPUTS = ("PNG", "8", "RGB"), ("PNG", "16", "RGBA"), ("OPEN_EXR", "16", "RGBA"), ("OPEN_EXR", "32", "RGB")
+
+
+@pytest.mark.parametrize(("file_format", "depth", "mode"), OUTPUTS)
+def test_engine_receives_the_chosen_output_format(addon, learned, file_format, depth, mode):
     learned.karf.file_format, learned.karf.color_depth, learned.karf.color_mode = file_format, depth, mode
     (request,) = addon.steps.render_sequence(learned, None, [1]).requests
+    expected = file_format.lower().removeprefix("open_") + depth, mode == "RGBA"
     assert (request.options["format"], request.options["alpha"]) == expected
     options_of_job(request.stage, request.project, request.options)
 

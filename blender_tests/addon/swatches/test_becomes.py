@@ -11,10 +11,6 @@ def item(learned):
     return learned.karf.objects["pot"]
 
 
-def press_becomes(bpy):
-    assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
-
-
 def test_live_target_recolors_from_the_main_color(item):
     np.testing.assert_allclose(item.source, RED, atol=0.01)
     assert item.source[:] == item.target[:]
@@ -31,22 +27,22 @@ def test_live_target_recolors_from_the_main_color(item):
 def test_unreachable_source_or_target_is_reported(bpy, addon, item, capfd):
     item.source, item.target = (0.0, 1.0, 0.0), BLUE
     with pytest.raises(RuntimeError, match="pot shows no color like #00ff00"):
-        press_becomes(bpy)
+        bpy.ops.karf.becomes(object_name="pot")
     item.live = True
     np.testing.assert_array_equal(addon.colors.edited(item), addon.colors.learned(item))
     item.live = False
     item.swatches[1].locked = True
     item.source = RED
-    press_becomes(bpy)
+    assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
     assert "not quite what was wanted, because" in capfd.readouterr().out
 
 
 def test_earlier_drags_do_not_hide_the_source_color(bpy, addon, learned, item):
     item.target = BLUE
-    press_becomes(bpy)
+    assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
     expected = addon.colors.edited(item)
     addon.steps.set_swatch(learned, "pot", 1, (0.2, 0.9, 0.3))  # now the picture has no red
-    press_becomes(bpy)
+    assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
     np.testing.assert_allclose(addon.colors.edited(item), expected, atol=1e-6)
 
 
@@ -59,7 +55,7 @@ def test_remaining_difference_follows_swatches_pair_and_rule(bpy, addon, learned
     item.rule = "fewest"
     assert left_to_target(item) == whole
     item.rule = "becomes"
-    press_becomes(bpy)
+    assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
     assert left_to_target(item) < 1
     addon.steps.set_swatch(learned, "pot", 2, (0.1, 0.9, 0.2))  # a swatch outside the pair
     assert left_to_target(item) > 3

@@ -38,12 +38,9 @@ class Artist:
     def edit(self, name, *arguments):
         return getattr(self.addon.edits, name)(self.scene, *arguments)
 
-    def drag(self, place, *colors):
-        for each in colors:
-            self.swatch(*place).color = each
-
-    def surface(self, place, **numbers):
-        for name, values in numbers.items():
+    def drag(self, place, *colors, **numbers):
+        """Drag a swatch's color over colors, and its numbers over values."""
+        for name, values in {"color": colors, **numbers}.items():
             for value in values:
                 setattr(self.swatch(*place), name, value)
 
@@ -215,8 +212,8 @@ MORE = (
     operator("unlink_swatch", object_name="lid", index=2),
     operator("merge_swatch", object_name="lid", index=1),
     operator("split_swatch", object_name="pot", index=1),
-    do("surface", POT1, saturation=(0.3, 1.8)),
-    do("surface", ("pot", 3), brightness=(-0.5,), gloss=(0.2,)),
+    do("drag", POT1, saturation=(0.3, 1.8)),
+    do("drag", ("pot", 3), brightness=(-0.5,), gloss=(0.2,)),
     operator("reset_surface", object_name="pot", index=1),
     do("pick_in_picture", "pot", 20),
     do("pick_in_picture", "lid", 2),

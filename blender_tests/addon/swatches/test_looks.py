@@ -18,12 +18,8 @@ def two(bpy, addon, learned):
     return learned
 
 
-def names(scene):
-    return scene.karf.looks.keys(), scene.karf.look
-
-
 def test_choosing_a_look_recolors_once_as_one_undo_step(bpy, addon, two, monkeypatch):
-    assert names(two) == (["A", "B"], "B")
+    assert two.karf.looks.keys() == ["A", "B"] and two.karf.look == "B"
     blue, made = pixels(addon, two), []
     recolor = addon.displayed.DisplayedScene.recolor
     monkeypatch.setattr(addon.displayed.DisplayedScene, "recolor", lambda self: made.append(1) or recolor(self))
@@ -92,12 +88,12 @@ def test_key_flips_looks_only_over_the_recolored_picture(bpy, two, image_editor)
 
 
 def test_looks_can_be_renamed_moved_and_removed(bpy, addon, two):
-    for new, sentence in (("", "empty"), ("a", "use the same folder"), ("A", "use the same folder")):
-        with pytest.raises(RuntimeError, match=sentence):
+    for new, reason in (("", "empty"), ("a", "use the same folder"), ("A", "use the same folder")):
+        with pytest.raises(RuntimeError, match=reason):
             bpy.ops.karf.rename_look(name="B", new=new)
-    assert names(two) == (["A", "B"], "B")
+    assert two.karf.looks.keys() == ["A", "B"] and two.karf.look == "B"
     bpy.ops.karf.rename_look(name="B", new="Winter")
-    assert names(two) == (["A", "Winter"], "Winter")
+    assert two.karf.looks.keys() == ["A", "Winter"] and two.karf.look == "Winter"
     for _ in range(2):
         bpy.ops.karf.move_look(name="Winter", by=-1)
         assert two.karf.looks.keys() == ["Winter", "A"]

@@ -26,9 +26,7 @@ def book(bpy, addon, tmp_path):
 @pytest.fixture
 def use(bpy):
     """Apply a color name to the pot, to its first swatch unless told otherwise."""
-    return lambda name, **place: bpy.ops.karf.use_color_name(
-        object_name="pot", color_name=name, **place or {"index": 1}
-    )
+    return lambda name, index=1: bpy.ops.karf.use_color_name(object_name="pot", color_name=name, index=index)
 
 
 @pytest.fixture
@@ -42,10 +40,6 @@ def drawn(bpy, addon, learned):
         return found
 
     return drawn
-
-
-def hex_of(addon, color):
-    return addon.engine_api.rgb_to_hex(np.array(color))
 
 
 def test_swatch_menu_shows_color_numbers_and_nearest_names(learned, book, drawn):
@@ -68,11 +62,11 @@ def test_color_name_sets_the_swatch_and_its_material(bpy, addon, learned, book, 
     follows = color(learned, "pot", 2)
     addon.edits.reset(learned, "pot")
     use("Sky")
-    assert hex_of(addon, color(learned, "pot", 1)) == "#3a7fb0"
+    assert addon.engine_api.rgb_to_hex(color(learned, "pot", 1)) == "#3a7fb0"
     np.testing.assert_allclose(color(learned, "pot", 2), follows, atol=1e-5)
     assert any(": invisible (0.0)" in text for text in drawn())
     bpy.ops.karf.find_color_name(object_name="pot", index=1, entry="0")
-    assert hex_of(addon, color(learned, "pot", 1)) == "#b3241b"
+    assert addon.engine_api.rgb_to_hex(color(learned, "pot", 1)) == "#b3241b"
     learned.karf.objects["pot"].swatches[1].locked = True
     with pytest.raises(RuntimeError, match="locked"):
         use("Sky")
@@ -80,7 +74,7 @@ def test_color_name_sets_the_swatch_and_its_material(bpy, addon, learned, book, 
 
 def test_color_name_sets_the_target(addon, learned, book, drawn, use):
     use("traffic RED", index=0)
-    assert hex_of(addon, learned.karf.objects["pot"].target) == "#b3241b"
+    assert addon.engine_api.rgb_to_hex(learned.karf.objects["pot"].target) == "#b3241b"
     assert any("Traffic red: invisible" in text for text in drawn("KARF_MT_target_names"))
 
 
@@ -136,7 +130,7 @@ def test_gray_card_lights_color_names(bpy, addon, learned, book, drawn, use):
     addon.editing.draw_light(Layout(bpy, found), learned)
     assert found[-2:] == ["card", "The card is too dark or too bright at this point"]
     use("Sky")
-    assert hex_of(addon, color(learned, "pot", 1)) == "#3a7fb0"
+    assert addon.engine_api.rgb_to_hex(color(learned, "pot", 1)) == "#3a7fb0"
 
 
 @pytest.fixture

@@ -39,25 +39,19 @@ def test_split_view_shows_the_photo_left_of_its_line(addon, learned, seeing, pic
     np.testing.assert_array_equal(levels(addon, learned)[:, :6], photo[:, :6])
 
 
-def test_soloed_object_dims_the_rest_and_follows_its_swatches(bpy, addon, learned, seeing, pictures):
-    assert bpy.ops.karf.solo_swatch(object_name="pot", index=0) == {"FINISHED"}
-    # the fake engine gives half of every pixel to each object
-    dimmed = (0.4 + 0.6 / 2) * pictures[1]
+def test_solo_dims_other_objects_or_shows_a_swatchs_weights(bpy, addon, learned, seeing, pictures):
+    for index, level in ((1, 64), (2, 32), (2, None)):  # weights of 1/4 and 1/8 in every pixel
+        assert bpy.ops.karf.solo_swatch(object_name="pot", index=index) == {"FINISHED"}
+        wanted = pictures[1] if level is None else np.full_like(pictures[1], level)
+        np.testing.assert_array_equal(levels(addon, learned), wanted)
+    assert seeing.mode == "EDITED"
+    bpy.ops.karf.solo_swatch(object_name="pot", index=0)
+    dimmed = (0.4 + 0.6 / 2) * pictures[1]  # the fake engine gives half of every pixel to each object
     assert np.abs(levels(addon, learned) - dimmed).max() <= 1
     addon.steps.set_swatch(learned, "pot", 1, "#0000ff")
     assert np.abs(levels(addon, learned) - dimmed).max() > 10
     bpy.ops.karf.solo_swatch(object_name="pot", index=0)
     assert seeing.mode == "EDITED"
-
-
-def test_soloed_swatch_toggles_its_weights(bpy, addon, learned, seeing):
-    photo = levels(addon, learned)
-    for index, level in ((1, 64), (2, 32)):  # weights of 1/4 and 1/8 in every pixel
-        assert bpy.ops.karf.solo_swatch(object_name="pot", index=index) == {"FINISHED"}
-        np.testing.assert_array_equal(levels(addon, learned), np.full_like(photo, level))
-    bpy.ops.karf.solo_swatch(object_name="pot", index=2)
-    assert seeing.mode == "EDITED"
-    np.testing.assert_array_equal(levels(addon, learned), photo)
 
 
 def test_larger_differences_are_brighter(addon, learned, seeing):
@@ -134,12 +128,8 @@ def test_outline_and_loupe_show_exact_pixels(addon):
     mask = np.zeros((4, 2), bool)
     mask[0, 1] = True  # the upper right pixel
     lines = addon.object_masks.outline(mask)[:, :2].reshape(-1, 2, 2)
-    assert {tuple(map(tuple, line)) for line in lines.tolist()} == {
-        ((0.5, 1.0), (0.5, 0.75)),
-        ((1.0, 1.0), (1.0, 0.75)),
-        ((0.5, 1.0), (1.0, 1.0)),
-        ((0.5, 0.75), (1.0, 0.75)),
-    }
+    sides = {((x, 1.0), (x, 0.75)) for x in (0.5, 1.0)} | {((0.5, y), (1.0, y)) for y in (0.75, 1.0)}
+    assert {tuple(map(tuple, line)) for line in lines.tolist()} == sides
     side, picture = addon.overlays.LOUPE_SIDE, np.zeros((40, 60, 3), np.uint8)
     picture[10, 20] = (255, 0, 0)
     seen = addon.overlays.pixels_at(picture, (20.5 / 60, 1 - 10.5 / 40))
