@@ -84,10 +84,9 @@ def test_import_removes_only_an_untouched_default_cube(bpy, addon, capture_folde
 
 
 def test_default_project_folder_depends_on_the_saved_file(bpy, addon, scene, capture_folder, tmp_path, monkeypatch):
-    def user_folder(package, path, create):
-        return str(tmp_path / package.rpartition(".")[2] / path)
-
-    monkeypatch.setattr(bpy.utils, "extension_path_user", user_folder)
+    monkeypatch.setattr(
+        bpy.utils, "extension_path_user", lambda package, path, create: str(tmp_path / package.split(".")[-1] / path)
+    )
     addon.steps.import_capture(scene, capture_folder)
     assert addon.folders.project_of(scene).folder == tmp_path / "karf" / "projects" / "pots"
     bpy.ops.wm.read_homefile(use_empty=True)

@@ -72,8 +72,7 @@ def test_views_with_equal_photo_names_get_separate_files(addon, scene, two_split
         addon.steps.show_view(scene, view).wait()
         written.append(addon.steps.save_shown(scene))
     addon.steps.render_captured(scene, "test_r_000").wait()
-    assert len(set(written)) == 2
-    assert sorted(written[0].parent.iterdir()) == sorted(written)
+    assert len(set(written)) == 2 and sorted(written[0].parent.iterdir()) == sorted(written)
 
 
 def test_captured_views_render_the_edit_and_skip_existing_files(addon, dark):
@@ -112,8 +111,7 @@ def test_camera_frames_render_as_one_job_with_keyframed_swatches(addon, keyed, t
     pictures = [addon.images.read_picture(folder / f"frame_{frame:04d}.png") for frame in range(1, 6)]
     # eased keys are symmetric: half way at frame 2, still after frame 3
     np.testing.assert_allclose([each[0, 0, 0] for each in pictures], [0, 0.2, 0.4, 0.4, 0.4], atol=0.5 / 255 + 1e-3)
-    assert keyed.frame_current == 2
-    assert pictures[0].shape == (16, 24, 3)
+    assert keyed.frame_current == 2 and pictures[0].shape == (16, 24, 3)
     options = options_of(addon.steps.render_sequence(keyed, keyed.camera, range(1, 31)))
     assert len(json.loads(Path(options["views"]).read_text())["frames"]) == len(options["edit"]) == 30
     assert len(set(options["edit"])) == 3 and set(options["edit"][2:]) == {options["edit"][2]}

@@ -28,20 +28,14 @@ def test_every_step_takes_the_scene_first(addon):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_doc_scripts_call_steps_with_valid_arguments(addon, page):
-    calls = [
-        (node.func.attr, node)
-        for block in BLOCK.findall(page.read_text())
-        if "karf_blender import steps as karf" in block
-        for node in ast.walk(ast.parse(block))
-        if isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Attribute)
-        and ast.unparse(node.func.value) == "karf"
-    ]
+    blocks = [block for block in BLOCK.findall(page.read_text()) if "karf_blender import steps as karf" in block]
+    calls = [node for block in blocks for node in ast.walk(ast.parse(block)) if isinstance(node, ast.Call)]
+    calls = [call for call in calls if ast.unparse(call.func).rpartition(".")[0] == "karf"]
     assert calls
-    for name, call in calls:
-        signature = inspect.signature(getattr(addon.steps, name))
+    for call in calls:
+        signature = inspect.signature(getattr(addon.steps, call.func.attr))
         signature.bind(*call.args, **{each.arg: each.value for each in call.keywords})
-        if name in public(addon.steps):
+        if call.func.attr in public(addon.steps):
             assert ast.unparse(call.args[0]) == "scene"
 
 

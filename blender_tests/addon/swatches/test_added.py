@@ -144,8 +144,8 @@ LETTERS, SILVER = np.array([0.1, 0.9, 0.0]), np.array([0.05, 0.2, 0.75])  # pale
 @pytest.fixture
 def can(addon, learned):
     """A can with red letters on the left of the picture, and silver with some red in it on the right."""
-    weights, shares = np.zeros((1, 3, HEIGHT, WIDTH)), np.stack([LETTERS, SILVER])
-    weights[0, :, :, :12], weights[0, :, :, 12:] = LETTERS[:, None, None], SILVER[:, None, None]
+    shares = np.stack([LETTERS, SILVER])
+    weights = shares.repeat(WIDTH // 2, 0).T[None, :, None].repeat(HEIGHT, 2)
     project = addon.folders.project_of(learned)
     write_palettes(project.palette_file, palettes(addon, can=CAN[1:]), shared=False)
     write_object_colors(project.object_colors_file, {"can": ColorHistogram(shares @ CAN, np.ones(2), shares)})

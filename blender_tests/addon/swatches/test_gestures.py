@@ -311,8 +311,7 @@ LOCKED_TOOLS = (
 
 
 def test_rejected_gestures_say_why_and_change_nothing(addon, artist):
-    assert artist.merge_swatch(*POT2) == 1
-    assert artist.add_color("pot", YELLOW, BLUE) == 3
+    assert artist.merge_swatch(*POT2) == 1 and artist.add_color("pot", YELLOW, BLUE) == 3
     before = state(artist)
     for reason, tool in REJECTED:
         with pytest.raises(addon.steps.KarfError, match=reason):

@@ -57,7 +57,7 @@ def test_menu_without_a_book_offers_to_choose_one(drawn, use):
         use("Sky")
 
 
-def test_color_name_sets_the_swatch_and_its_material(bpy, addon, learned, book, drawn, use):
+def test_color_name_sets_the_swatch_with_its_material_or_the_target(bpy, addon, learned, book, drawn, use):
     learned.karf.objects["pot"].swatches[1].color = addon.engine_api.hex_to_rgb("#3a7fb0")
     follows = color(learned, "pot", 2)
     addon.edits.reset(learned, "pot")
@@ -70,9 +70,6 @@ def test_color_name_sets_the_swatch_and_its_material(bpy, addon, learned, book, 
     learned.karf.objects["pot"].swatches[1].locked = True
     with pytest.raises(RuntimeError, match="locked"):
         use("Sky")
-
-
-def test_color_name_sets_the_target(addon, learned, book, drawn, use):
     use("traffic RED", index=0)
     assert addon.engine_api.rgb_to_hex(learned.karf.objects["pot"].target) == "#b3241b"
     assert any("Traffic red: invisible" in text for text in drawn("KARF_MT_target_names"))

@@ -163,5 +163,4 @@ def test_showing_a_view_reloads_palettes_and_tooltip_mentions_kept_edits(bpy, ad
 def test_importing_another_capture_saves_the_edits(addon, blue, two_splits, tmp_path):
     project = addon.folders.project_of(blue)
     addon.steps.import_capture(blue, two_splits, tmp_path / "second")
-    assert not blue.karf.objects
-    assert len(list((project.folder / "edits").glob("kept-*.json"))) == 1
+    assert not blue.karf.objects and len(list((project.folder / "edits").glob("kept-*.json"))) == 1

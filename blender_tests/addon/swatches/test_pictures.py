@@ -27,13 +27,12 @@ def test_capture_is_learned_segmented_and_shown_exactly(addon, project_scene, tm
     assert (addon.images.pixels(project_scene.karf.result)[..., 3] == 1).all()
 
 
-@pytest.mark.parametrize(
-    ("color", "change"),
-    [
-        ((0.0, 0.6, 0.1), (-0.2, 0.1, 0.0)),  # the swatch has a weight of 1/4 in every pixel
-        ((1.6, 0.2, 0.1), (0.2, 0.0, 0.0)),  # brighter than white: only the picture is clipped
-    ],
-)
+# a color of the pot's swatch, which has a weight of 1/4 in every pixel, and the change of the picture;
+# in a color brighter than white, only the picture is clipped
+CHANGES = [((0.0, 0.6, 0.1), (-0.2, 0.1, 0.0)), ((1.6, 0.2, 0.1), (0.2, 0.0, 0.0))]
+
+
+@pytest.mark.parametrize(("color", "change"), CHANGES)
 def test_swatch_change_is_added_by_weight_to_every_pixel(bpy, addon, learned, color, change):
     addon.steps.set_swatch(learned, "pot", 1, color)
     np.testing.assert_allclose(learned.karf.objects["pot"].swatches[1].color, color, atol=1e-6)

@@ -69,18 +69,15 @@ def test_larger_differences_are_brighter(addon, learned, seeing):
     np.testing.assert_allclose(difference[:, 452:], 100, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("mode", "file", "known", "color", "stage"),
-    [
-        ("LEARNED", None, "is_rendered", (0, 0, 255), "geometry"),
-        # the fake engine is unsure about the lid on the left and the pot on the right
-        ("UNSURE", "uncertainty_file", "is_doubted", (255, 140, 10), "segmentation"),
-    ],
-)
-def test_rendered_modes_show_the_photo_until_rendered(bpy, addon, learned, seeing, mode, file, known, color, stage):
+# the fake engine is unsure about the lid on the left and the pot on the right
+MODES = {"LEARNED": ("is_rendered", (0, 0, 255), "geometry"), "UNSURE": ("is_doubted", (255, 140, 10), "segmentation")}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_rendered_modes_show_the_photo_until_rendered(bpy, addon, learned, seeing, mode):
+    known, color, stage = MODES[mode]
     photo, project = levels(addon, learned), addon.folders.project_of(learned)
-    if file:
-        getattr(project, file).touch()
+    project.uncertainty_file.touch()
     seeing.mode = mode
     np.testing.assert_array_equal(levels(addon, learned), photo)
     assert not getattr(addon.disk.contents_of(learned), known)
