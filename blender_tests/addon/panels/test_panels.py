@@ -186,12 +186,14 @@ def test_technical_terms_are_only_under_advanced(learned, desk, monkeypatch):
 
 
 # --- menus and dialogs -----------------------------------------------------------------------------------------------
-def test_swatch_menus_offer_possible_actions(bpy, addon, learned, desk):
+def test_swatch_menus_offer_possible_actions_also_on_right_click(bpy, addon, learned, desk):
+    def entries(draw, **context):
+        found = []
+        draw(SimpleNamespace(layout=Layout(bpy, found)), SimpleNamespace(scene=learned, **context))
+        return found
+
     def drawn(name):
-        entries, item = [], desk.pot
-        context = SimpleNamespace(scene=learned, karf_object=item, karf_swatch=item.swatches[1])
-        getattr(addon.swatching, name).draw(SimpleNamespace(layout=Layout(bpy, entries)), context)
-        return entries
+        return entries(getattr(addon.swatching, name).draw, karf_object=desk.pot, karf_swatch=desk.pot.swatches[1])
 
     always = {"locked", "karf.copy_swatch", "karf.paste_swatch", "KARF_MT_swap", "KARF_MT_link", "KARF_MT_merge"}
     grouped = {"karf.unlink_swatch", "karf.split_swatch"}
@@ -202,16 +204,9 @@ def test_swatch_menus_offer_possible_actions(bpy, addon, learned, desk):
     addon.steps.link_swatches(learned, ("pot", 1), ("lid", 1))
     desk.merge()
     assert grouped <= {*drawn("KARF_MT_swatch")}
-
-
-def test_swatch_fields_offer_the_swatch_menu_on_right_click(bpy, addon, learned):
-    def offered(pointer):
-        entries, context = [], SimpleNamespace(scene=learned, button_pointer=pointer)
-        addon.swatching.draw_context_menu(SimpleNamespace(layout=Layout(bpy, entries)), context)
-        return entries
-
-    assert offered(learned.karf.objects["lid"].swatches[2]) == ["KARF_MT_swatch"]
-    assert offered(learned.karf) == offered(None) == []
+    right_click = addon.swatching.draw_context_menu
+    assert entries(right_click, button_pointer=learned.karf.objects["lid"].swatches[2]) == ["KARF_MT_swatch"]
+    assert entries(right_click, button_pointer=learned.karf) == entries(right_click, button_pointer=None) == []
 
 
 def test_dialogs_show_options_of_the_chosen_format(bpy, addon, learned):
@@ -256,7 +251,7 @@ def test_two_editors_share_the_steps_and_one_shows_all(learned, desk):
         assert "Image Editor" not in desk.draw(editor)
 
 
-def test_closed_sidebar_leaves_all_steps_in_the_other_editor(bpy, addon):
+def test_both_editors_have_the_panel_and_closed_sidebars_are_ignored(bpy, addon):
     screen = SimpleNamespace(areas=[area(VIEW), area(IMAGE, has_sidebar=False)])
     context = SimpleNamespace(area=screen.areas[0], screen=screen)
     assert addon.sidebar.is_displayed_here(context, IMAGE)

@@ -7,26 +7,21 @@ import numpy as np
 import pytest
 
 
-@pytest.fixture
-def imported(bpy, scene, capture_folder, tmp_path):
+def test_import_creates_a_camera_with_a_photo_per_view(bpy, addon, scene, capture_folder, tmp_path):
     assert bpy.ops.karf.import_capture(filepath=str(capture_folder), project=str(tmp_path / "project")) == {"FINISHED"}
-    return scene
-
-
-def test_import_creates_a_camera_with_a_photo_per_view(bpy, addon, imported, capture_folder):
-    cameras = {camera.karf_view: camera for camera in imported.karf.rig.children}
+    cameras = {camera.karf_view: camera for camera in scene.karf.rig.children}
     assert sorted(cameras) == ["photo_0", "photo_1", "photo_2"]
-    for view in addon.captures.of(imported).views:
+    for view in addon.captures.of(scene).views:
         camera = cameras[view.name]
         np.testing.assert_allclose(np.array(camera.matrix_world), view.camera.camera_to_world, atol=1e-6)
         image = camera.data.background_images[0].image
         assert bpy.path.abspath(image.filepath) == str(capture_folder / "images" / f"{view.name}.png")
-    assert imported.camera.karf_view == imported.karf.active_view == "photo_0"
-    assert (imported.render.resolution_x, imported.render.resolution_y) == (24, 16)
-    aspect = imported.render.pixel_aspect_x / imported.render.pixel_aspect_y
+    assert scene.camera.karf_view == scene.karf.active_view == "photo_0"
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (24, 16)
+    aspect = scene.render.pixel_aspect_x / scene.render.pixel_aspect_y
     assert aspect == pytest.approx(28 / 30)  # fx 30, fy 28: tall pixels
     bpy.ops.karf.look_through(view="photo_2")
-    assert imported.camera.karf_view == "photo_2"
+    assert scene.camera.karf_view == "photo_2"
 
 
 def test_import_options_change_the_rig_but_not_the_pinholes(bpy, addon, scene, capture_folder, tmp_path):
@@ -105,13 +100,13 @@ def test_reimporting_a_capture_keeps_project_and_edits(addon, learned, capture_f
     assert learned.karf.objects["pot"].swatches[1].color[:] == (0.25, 0.5, 0.75)
 
 
-def test_saving_keeps_project_paths_relative_and_valid(bpy, addon, imported, tmp_path):
+def test_saving_keeps_project_paths_relative_and_valid(bpy, addon, project_scene, tmp_path):
     for folder, is_copy, path in (("a", False, "//../project"), ("b/c", False, "//../../project"), ("d", True, None)):
         file = tmp_path / folder / "shot.blend"
         file.parent.mkdir(parents=True)
         bpy.ops.wm.save_as_mainfile(filepath=str(file), copy=is_copy)
-        assert imported.karf.project == (path or "//../../project")
-        assert addon.folders.project_of(imported).folder == tmp_path / "project"
+        assert project_scene.karf.project == (path or "//../../project")
+        assert addon.folders.project_of(project_scene).folder == tmp_path / "project"
     for folder in ("b/c", "d"):
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / folder / "shot.blend"))
         assert addon.folders.project_of(bpy.context.scene).folder == tmp_path / "project"
@@ -127,12 +122,12 @@ def test_importing_a_learned_project_loads_swatches_and_masks(bpy, addon, learne
     assert addon.folders.absolute(karf.masks) == project.masks_folder
 
 
-def test_finished_stages_follow_the_project(addon, imported):
-    assert addon.disk.read(imported).stages == frozenset()
-    addon.steps.learn_scene(imported).wait()
-    assert addon.disk.read(imported).stages == {"geometry"}
-    addon.steps.extract_palette(imported).wait()
-    assert addon.disk.read(imported).stages == {"geometry", "palette", "recoloring"}
+def test_finished_stages_follow_the_project(addon, project_scene):
+    assert addon.disk.read(project_scene).stages == frozenset()
+    addon.steps.learn_scene(project_scene).wait()
+    assert addon.disk.read(project_scene).stages == {"geometry"}
+    addon.steps.extract_palette(project_scene).wait()
+    assert addon.disk.read(project_scene).stages == {"geometry", "palette", "recoloring"}
 
 
 def test_found_poses_create_a_project_beside_the_file(bpy, addon, scene, capture_folder, tmp_path):
@@ -172,16 +167,16 @@ def test_image_editor_accepts_captures_before_learning_and_edits_after(bpy, lear
         learned.karf.objects.clear()
 
 
-def test_holdout_option_sets_the_held_out_views(bpy, addon, imported, capture_folder):
+def test_holdout_option_sets_the_held_out_views(bpy, addon, project_scene, capture_folder):
     def splits():
-        return [view.split for view in imported.karf.views]
+        return [view.split for view in project_scene.karf.views]
 
-    assert splits() == ["train"] * 3 and imported.karf.holdout == 0
+    assert splits() == ["train"] * 3 and project_scene.karf.holdout == 0
     bpy.ops.karf.import_capture(filepath=str(capture_folder), holdout=2)
-    assert splits() == ["test", "train", "test"] and imported.karf.holdout == 2
-    (request,) = addon.steps.learn_scene(imported).requests
+    assert splits() == ["test", "train", "test"] and project_scene.karf.holdout == 2
+    (request,) = addon.steps.learn_scene(project_scene).requests
     assert request.options["holdout"] == 2
-    project = addon.folders.project_of(imported)
+    project = addon.folders.project_of(project_scene)
     project.create(str(capture_folder))
     project.finish("geometry", "fingerprint", holdout=3)
     bpy.ops.karf.import_capture(filepath=str(capture_folder))

@@ -13,13 +13,6 @@ SIDES = [96, 100, 200]  # coarse, half, full
 GREEN = (0.8, 0.6, 0.1)  # the pot's red, greener by 0.4
 
 
-@pytest.fixture
-def filmed(bpy, learned):
-    learned.render.resolution_x, learned.render.resolution_y = 300, 150
-    learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
-    return learned
-
-
 def run_until(addon, is_done):
     """Run the timers of the preview and of the engine."""
     deadline = time.monotonic() + 20
@@ -31,8 +24,9 @@ def run_until(addon, is_done):
 
 
 @pytest.fixture
-def live(bpy, addon, filmed, image_editor, seeing, monkeypatch):
+def live(bpy, addon, learned, image_editor, seeing, monkeypatch):
     """Live Camera in a window. `look(n)` runs all timers until n pictures arrive, `tick()` only the preview's."""
+    learned.render.resolution_x, learned.render.resolution_y = 300, 150
     bpy.context.window_manager.karf_preview.long_side = SIDES[-1]
     pretend_window(bpy, monkeypatch, addon.preview, addon.queries, addon.session)
     sides, take = [], addon.preview._take
@@ -52,9 +46,9 @@ def live(bpy, addon, filmed, image_editor, seeing, monkeypatch):
         return not addon.queries.is_waiting("preview")
 
     monkeypatch.setattr(addon.preview, "_take", taking)
-    addon.preview.start(filmed)
-    pot, editor = filmed.karf.objects["pot"].swatches[1], image_editor.spaces.active
-    return SimpleNamespace(look=look, tick=tick, scene=filmed, pot=pot, editor=editor, seeing=seeing)
+    addon.preview.start(learned)
+    pot, editor = learned.karf.objects["pot"].swatches[1], image_editor.spaces.active
+    return SimpleNamespace(look=look, tick=tick, scene=learned, pot=pot, editor=editor, seeing=seeing)
 
 
 def picture(bpy, addon):
@@ -185,11 +179,12 @@ def test_picture_is_packed_and_live_camera_ends_with_its_project(bpy, addon, liv
     assert addon.preview._tick() is None and not addon.preview.is_live()
 
 
-def test_script_writes_the_preview_and_live_camera_needs_a_window(bpy, addon, filmed, tmp_path):
+def test_script_writes_the_preview_and_live_camera_needs_a_window(bpy, addon, learned, tmp_path):
     with pytest.raises(RuntimeError, match="needs a window"):
         bpy.ops.karf.live_camera()
-    addon.steps.set_swatch(filmed, "pot", 1, GREEN)
-    path = addon.steps.preview_camera(filmed, tmp_path / "out" / "seen.png", long_side=100)
+    learned.render.resolution_x, learned.render.resolution_y = 300, 150
+    addon.steps.set_swatch(learned, "pot", 1, GREEN)
+    path = addon.steps.preview_camera(learned, tmp_path / "out" / "seen.png", long_side=100)
     seen = addon.images.read_picture(path)
     assert seen.shape == (50, 100, 3) and seen[..., 1].mean() - seen[..., 0].mean() == pytest.approx(0.1, abs=0.01)
 

@@ -97,13 +97,11 @@ def test_edges_of_a_lost_object_are_kept_in_a_file(addon, learned):
     assert json.loads(kept.read_text())["objects"]["lid"]["edges"] == {"choke": 0.0, "feather": 3.0}
 
 
-def test_frames_with_different_edges_get_separate_edits(bpy, addon, learned, blue, tmp_path):
+def test_frames_with_different_edges_get_separate_edits(addon, learned, blue, tmp_path):
     for frame in (1, 2):
         blue.choke = frame - 1
         blue.keyframe_insert("choke", frame=frame)
-    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    learned.collection.objects.link(camera)
-    _, files = addon.steps.render.write_sequence(learned, camera, (1, 2), tmp_path)
+    _, files = addon.steps.render.write_sequence(learned, learned.camera, (1, 2), tmp_path)
     assert len(set(files)) == 2
 
 

@@ -117,7 +117,6 @@ def test_damaged_look_is_rejected_and_changes_nothing(bpy, addon, two, text):
 @pytest.mark.parametrize("is_camera", [False, True])
 def test_each_look_is_rendered_to_its_own_folder(bpy, addon, two, is_camera):
     two.frame_start, two.frame_end = 1, 2
-    two.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
     options = {"what": "CAMERA"} if is_camera else {"views": "photo_0,photo_2"}
     assert bpy.ops.karf.render_looks(**options) == {"FINISHED"}
     folder = addon.steps.looks_folder(two, of_camera=is_camera)
