@@ -112,7 +112,7 @@ def test_added_color_survives_palette_extraction(addon, pots):
     np.testing.assert_allclose(color(pots, "pot", 4), BLUE, atol=1e-6)
     (curve, *_) = addon.compat.curves_of(pots.animation_data)
     assert curve.data_path == "karf.objects[0].swatches[4].color"
-    np.testing.assert_allclose(swatches[7].color, BLUE, atol=0.02)  # its own pigment's yellow
+    np.testing.assert_allclose(swatches[7].color, BLUE, atol=0.02)  # in the added color's own palette
 
 
 def test_compositor_and_3d_points_use_an_added_color(bpy, addon, pots):
