@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..rich_project import enrich
-from ..saved_files import DATA, TRIALS, everything_stored, tried
+from ..saved_files import DATA, TRIALS, everything_stored, run_trial
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -30,7 +30,7 @@ def test_make(bpy, addon, learned, capture_folder, tmp_path):
     expected = {"blender": bpy.app.version_string, "stored": everything_stored(bpy.context.scene.karf), "trials": {}}
     pictures = {}
     for trial in TRIALS:
-        expected["trials"][trial], pictures[trial.replace(" ", "_")] = tried(bpy, blend, trial, tmp_path)
+        expected["trials"][trial], pictures[trial.replace(" ", "_")] = run_trial(bpy, blend, trial, tmp_path)
     (tmp_path / "shown.json").unlink()
     shutil.rmtree(tmp_path / "project" / "jobs", ignore_errors=True)
     target = DATA / f"saved_by_{version}"

@@ -39,14 +39,14 @@ def begin(managed, plan, title):
 
 # --- installing ----------------------------------------------------------------------------------------------------
 def test_an_installed_engine_is_found_and_shares_its_files_with_the_cache(
-    addon, chosen, managed, install, place, monkeypatch
+    addon, preferences, managed, install, place, monkeypatch
 ):
     assert managed.home.python_in(place) is None
     status = install()
     assert (status.state, status.build, status.python, status.torch) == ("ready", "cuda", PYTHON, "2.0")
     python = managed.home.python_in(place)
     monkeypatch.delenv("KARF_ENGINE_PYTHON")
-    chosen.engine_folder = str(place)
+    preferences.engine_folder = str(place)
     assert addon.preferences.engine_python() == python
     assert subprocess.run([python, "-c", "import torch, cv2, OpenEXR"]).returncode == 0
     links = {file.stat().st_nlink for file in place.glob("cache/archive-v*/*/*/*.py")}
