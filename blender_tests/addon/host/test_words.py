@@ -1,4 +1,4 @@
-"""Messages are put into the user's language where they are shown."""
+"""Messages are translated into the user's language where they are shown."""
 
 import importlib
 from pathlib import Path
@@ -10,7 +10,7 @@ from ..layout import Layout
 
 @pytest.fixture
 def chinese(addon, monkeypatch):
-    """The interface in Chinese, as far as the extension's own words go."""
+    """The extension's interface in Chinese."""
     package = importlib.import_module(f"{addon.words.__package__.removesuffix('.host')}.translations")
     table = package.po_files.read_tables(Path(package.__file__).parent)["zh_HANS"]
     monkeypatch.setattr(addon.words, "pgettext_iface", lambda text: table.get(("*", text), text))
@@ -31,13 +31,13 @@ def test_message_is_translated_around_its_values(addon, chinese, make):
     assert translate(message) == "mug.png 没有标记 'mug' 的任何部分。"
     assert translate("Import a capture first.") == "请先导入拍摄。"
     assert translate("Nobody has translated this.") == "Nobody has translated this."
-    assert addon.words.translate("Masks") == "遮罩"  # but not as a name in a sentence:
+    assert addon.words.translate("Masks") == "遮罩"  # but not as an object's name:
     assert "Masks" in translate(make("The scene has no object {name!r}.", name="Masks"))
     error = addon.engine_api.DataError(MARKS_NOTHING, "Paint the object white.", path="mug.png", name="mug")
     assert addon.words.translate_error(error) == f"{translate(message)} 请将物体涂成白色。"
 
 
-def test_nested_messages_and_texts_of_properties_are_translated(addon, chinese, make):
+def test_nested_messages_and_property_texts_are_translated(addon, chinese, make):
     translate = addon.words.translate_message
     inner = make("The pictures are in {folder}.", folder="/film")
     outer = make("The scene that requested this is gone or has another project. {result}", result=inner)
@@ -53,13 +53,13 @@ def test_english_messages_stay_unchanged(addon, make):
         assert addon.words.translate_message(message) == message
 
 
-def test_an_operator_reports_in_the_language_of_the_interface(bpy, chinese, learned):
+def test_operator_reports_in_the_interface_language(bpy, chinese, learned):
     learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
     with pytest.raises(RuntimeError, match="“实时相机”需要窗口"):
         bpy.ops.karf.live_camera()
 
 
-def test_the_panel_shows_why_a_job_failed_in_the_language_of_the_interface(bpy, addon, chinese, make):
+def test_panel_shows_errors_in_the_interface_language(bpy, addon, chinese, make):
     drawn = []
     for text in (make("The log in {job} is empty or missing.", job="geometry"), "Try again."):
         addon.words.draw_text(Layout(bpy, drawn), text, "ERROR", 80)

@@ -1,4 +1,4 @@
-"""Each step says how it stands; steps that are done fold and the next opens, and what the user opened stays."""
+"""Each step shows its state; finished steps fold, the next one opens, and panels opened by hand stay open."""
 
 import os
 
@@ -32,7 +32,7 @@ def test_step_is_done_when_its_result_exists(addon, learned):
 
 
 @pytest.mark.parametrize("mark", ["../masks/pot/photo_0.png", "corrections/pot/photo_0.png", "volumes.json"])
-def test_newer_mark_makes_segments_stale(addon, learned, project, mark):
+def test_newer_mark_makes_segmentation_stale(addon, learned, project, mark):
     file = project.folder / mark
     file.parent.mkdir(parents=True, exist_ok=True)
     file.touch()
@@ -51,7 +51,7 @@ def test_rerun_stage_makes_later_ones_stale(addon, learned, project):
         assert state.kind == "stale" and reason in state.reason
 
 
-def test_another_preset_than_learned_with_is_shown(addon, learned, monkeypatch):
+def test_preset_other_than_the_learned_one_is_shown(addon, learned, monkeypatch):
     monkeypatch.setattr(addon.disk, "_learned_with", lambda state: ("fine", ""))
     assert "another preset" in addon.states.state_of(learned, "learn").reason
     learned.karf.preset = "fine"
@@ -80,7 +80,7 @@ def test_step_of_the_running_job_is_shown(addon, learned, monkeypatch):
         (DONE, DONE | {"segment": "stale"}, {"segment": True}),
     ],
 )
-def test_done_steps_fold_and_the_next_or_stale_one_opens(addon, before, after, changes):
+def test_finished_steps_fold_and_the_next_or_stale_one_opens(addon, before, after, changes):
     assert addon.states.opened(before, after) == changes
 
 
