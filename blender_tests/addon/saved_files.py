@@ -55,40 +55,36 @@ def colors(bpy):
     return {item.name: [[round(each, 6) for each in swatch.color] for swatch in item.swatches] for item in objects}
 
 
-def _lid(bpy):
-    return bpy.context.scene.karf.objects["lid"]
-
-
-def _pot(bpy):
-    return bpy.context.scene.karf.objects["pot"]
+def _item(bpy, name):
+    return bpy.context.scene.karf.objects[name]
 
 
 def _added(bpy):
     """The lid's first added color, and its number."""
-    return next((number, each) for number, each in enumerate(_lid(bpy).swatches) if each.is_added)
+    return next((number, each) for number, each in enumerate(_item(bpy, "lid").swatches) if each.is_added)
 
 
 def _drag(bpy, index, start, end):
     """Drag a swatch of the pot in three steps."""
     for share in (0.3, 0.6, 1.0):
-        _pot(bpy).swatches[index].color = [a + share * (b - a) for a, b in zip(start, end, strict=True)]
+        _item(bpy, "pot").swatches[index].color = [a + share * (b - a) for a, b in zip(start, end, strict=True)]
 
 
 def _drag_target(bpy):
-    pot = _pot(bpy)
+    pot = _item(bpy, "pot")
     pot.live = True
     pot.target = (0.5, 0.25, 0.6)
     pot.target = (0.3, 0.25, 0.6)
 
 
 def _press_becomes(bpy):
-    _pot(bpy).target = (0.2, 0.6, 0.7)
+    _item(bpy, "pot").target = (0.2, 0.6, 0.7)
     bpy.ops.karf.becomes(object_name="pot")
 
 
 def _split(bpy):
     bpy.ops.karf.split_swatch(object_name="pot", index=1)
-    _pot(bpy).swatches[1].color = (0.3, 0.3, 0.9)
+    _item(bpy, "pot").swatches[1].color = (0.3, 0.3, 0.9)
 
 
 def _reset(bpy):

@@ -42,21 +42,18 @@ def sources(folder):
 
 
 def imports(path):
-    """(dots, module) of every import in a file; `from . import name` gives (1, name)."""
+    """(number of dots, top package) of every import in a file; `from . import name` gives (1, name)."""
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            yield from ((0, alias.name) for alias in node.names)
-        if isinstance(node, ast.ImportFrom):
-            names = [node.module] if node.module else [alias.name for alias in node.names]
-            yield from ((node.level, name) for name in names)
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module]
+        yield from ((getattr(node, "level", 0), name.partition(".")[0]) for name in names)
 
 
-def top(module):
-    return module.partition(".")[0]
-
-
-def offenders(folder, is_bad):
-    return [(path.name, module) for path in sources(folder) for dots, module in imports(path) if is_bad(dots, module)]
+def importers(folder, packages, *, relative):
+    """The names of the files that import a package, by any import or only by absolute ones."""
+    found = [(path.name, *each) for path in sources(folder) for each in imports(path)]
+    return {name for name, dots, package in found if package in packages and (relative or not dots)}
 
 
 @pytest.mark.parametrize(
@@ -65,18 +62,17 @@ def offenders(folder, is_bad):
     ids=["Blender in the engine", "engine packages in Blender", "threads in Blender"],
 )
 def test_forbidden_packages_are_not_imported(folder, forbidden):
-    assert offenders(folder, lambda dots, module: not dots and top(module) in forbidden) == []
+    assert importers(folder, forbidden, relative=False) == set()
 
 
 def test_only_engine_api_imports_the_engine():
-    importers = {name for name, _ in offenders("karf_blender", lambda dots, module: top(module) == "karf_engine")}
-    assert importers == {"engine_api.py"}
+    assert importers("karf_blender", {"karf_engine"}, relative=True) == {"engine_api.py"}
 
 
 @pytest.mark.parametrize("folder", OWN)
 def test_imports_within_the_extension_are_relative(folder):
-    found = {name for name, _ in offenders(folder, lambda dots, module: not dots and top(module) in OWN)}
-    assert found <= {"__main__.py"}  # run as a folder it has no package to be relative to
+    # run as a folder __main__ has no package to be relative to
+    assert importers(folder, OWN, relative=False) <= {"__main__.py"}
 
 
 def test_only_compat_reads_blenders_version():

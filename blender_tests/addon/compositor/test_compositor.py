@@ -75,9 +75,7 @@ def built(addon, learned, compositor, layers_file, monkeypatch):
 
 
 @pytest.mark.parametrize("which, name", list(enumerate(NAMES)))
-def test_blenders_cryptomatte_node_gives_object_coverage(
-    bpy, addon, compositor, composite, layers_file, truth, which, name
-):
+def test_cryptomatte_node_gives_object_coverage(bpy, addon, compositor, composite, layers_file, truth, which, name):
     node = compositor.nodes.new("CompositorNodeCryptomatteV2")
     node.source, node.image = "IMAGE", bpy.data.images.load(str(layers_file))
     assert node.layer_name == "CryptoObject"
@@ -141,9 +139,7 @@ os._exit(0)
 
 
 @pytest.mark.parametrize("driven", [True, False])
-def test_saved_file_recolors_without_the_extension(
-    bpy, addon, learned, built, composite, set_edit, truth, tmp_path, driven
-):
+def test_file_recolors_without_the_extension(bpy, addon, learned, built, composite, set_edit, truth, tmp_path, driven):
     assert bpy.ops.karf.build_compositor(driven=True) == {"FINISHED"}
     set_edit()
     if not driven:  # the sockets keep the swatches' colors
@@ -151,13 +147,8 @@ def test_saved_file_recolors_without_the_extension(
         assert not built.id_data.animation_data.drivers
     composite()  # sets the output format
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "recolor.blend"))
-    command = [
-        sys.executable,
-        "-c",
-        RENDER_WITHOUT_EXTENSION,
-        str(tmp_path / "recolor.blend"),
-        str(tmp_path / "opened.exr"),
-    ]
+    files = [str(tmp_path / name) for name in ("recolor.blend", "opened.exr")]
+    command = [sys.executable, "-c", RENDER_WITHOUT_EXTENSION, *files]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     picture = as_display(addon, load(bpy, addon, tmp_path / "opened.exr"))
     assert np.abs(picture - truth["recolored"]).max() < 0.5 * LEVEL

@@ -118,23 +118,22 @@ def test_engine_folder_becomes_absolute(bpy, addon, preferences, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("state", "problem", "sentence", "is_managed", "said", "button"),
+    ("found", "expected", "button"),
     [
-        ("ready", "", "Installed: torch.", True, "Engine ready. Installed: torch.", "Repair"),
-        ("outdated", "", "Update gets them.", True, "Update gets them.", "Update"),
-        ("broken", "No engine.", "Its Python is gone.", True, "Its Python is gone.", "Repair"),
-        ("unfinished", "No engine.", "It is not finished.", True, "It is not finished.", "Go On"),
-        ("ready", "", "", False, "another", "Repair"),
-        ("none", "", "", False, "Test Engine", "Install Engine"),
+        (("ready", "", "Installed: torch.", True), "Engine ready. Installed: torch.", "Repair"),
+        (("outdated", "", "Update gets them.", True), "Update gets them.", "Update"),
+        (("broken", "No engine.", "Its Python is gone.", True), "Its Python is gone.", "Repair"),
+        (("unfinished", "No engine.", "It is not finished.", True), "It is not finished.", "Go On"),
+        (("ready", "", "", False), "another", "Repair"),
+        (("none", "", "", False), "Test Engine", "Install Engine"),
     ],
 )
-def test_sentence_and_button_show_the_engine_state(
-    bpy, addon, preferences, engine, state, problem, sentence, is_managed, said, button
-):
-    told = addon.preferences.sentence(engine(state, problem, sentence, is_managed))
-    assert told == said if is_managed else said in told
+def test_sentence_and_button_show_the_engine_state(bpy, addon, preferences, engine, found, expected, button):
+    state, _, _, is_managed = found
+    sentence = addon.preferences.sentence(engine(*found))
+    assert sentence == expected if is_managed else expected in sentence
     drawn = drawn_preferences(bpy, preferences)
-    assert told in drawn and f"{button} karf.install_engine" in drawn
+    assert sentence in drawn and f"{button} karf.install_engine" in drawn
     assert ("karf.remove_engine" in drawn) == (state != "none")
 
 

@@ -71,9 +71,7 @@ def test_scripts_get_findings_or_an_error_with_its_remedy(bpy, addon, preference
         addon.steps.examine_engine(bpy.context.scene)
 
 
-def test_findings_appear_as_they_come_with_remedies_for_problems(
-    bpy, addon, preferences, printing, finding_line, tmp_path
-):
+def test_findings_appear_as_they_come(bpy, addon, preferences, printing, finding_line, tmp_path):
     output = (
         finding_line("python", "ok", "Python is fine.", "Nothing to do.")
         + finding_line("disk", "warning", "The disk is nearly full.", "Free some space.")

@@ -13,13 +13,13 @@ from ..timers import run_to_end
 
 @pytest.fixture
 def query(addon, project_scene):
-    """A function that sends a query and returns the answer; in background mode queries block."""
+    """A function that sends a query, which blocks in background mode, and returns the answer."""
 
     def query(**options):
         answers = []
         addon.queries.send(project_scene, "echo", options, lambda *answer: answers.append(answer))
-        ((found, values),) = answers
-        assert found == project_scene
+        ((scene, values),) = answers
+        assert scene == project_scene
         return values
 
     return query
@@ -50,23 +50,21 @@ def test_files_left_by_a_crashed_blender_are_removed(addon, project_scene, query
 
 
 @pytest.mark.parametrize(
-    ("behave", "error", "sentence", "stays", "n_workers", "n_folders"),
+    ("behave", "error", "sentence", "stays", "n_workers", "n_logs"),
     [
         ("refuse", "DataError", r"photo_7.png is missing\. Find it\.", True, 1, 1),
         ("crash", "KarfError", "The engine crashed in the warm job", False, 1, 1),  # its log is kept
         ("idle", "KarfError", "exited before it answered", False, 2, 0),
     ],
 )
-def test_errors_are_raised_and_a_dead_worker_is_replaced(
-    addon, query, jobs, monkeypatch, behave, error, sentence, stays, n_workers, n_folders
-):
+def test_dead_worker_is_replaced(addon, query, jobs, monkeypatch, behave, error, sentence, stays, n_workers, n_logs):
     started, begin_job = [], addon.queries.begin_job
     monkeypatch.setattr(addon.queries, "begin_job", lambda *given: (started.append(given), begin_job(*given)))
     pid = query()["pid"]
     with pytest.raises(getattr(addon.engine_api, error), match=sentence):
         query(behave=behave)
     assert len(started) == n_workers
-    assert [(folder / addon.engine_api.LOG_FILE).exists() for folder in jobs()] == [True] * n_folders
+    assert [(folder / addon.engine_api.LOG_FILE).exists() for folder in jobs()] == [True] * n_logs
     assert (query()["pid"] == pid) == stays
 
 
@@ -143,16 +141,15 @@ def test_unhandled_error_is_shown_in_the_panel(bpy, addon, project_scene, timers
     assert (progress.error, progress.hint) == ("photo_7.png is missing.", "Find it.")
 
 
-@pytest.mark.parametrize("kind", ["damage", "disk"])
-def test_error_in_a_callback_is_reported_and_later_answers_arrive(addon, send, kind):
+@pytest.mark.parametrize("sentence", ["The planes are damaged.", "mask.png: No space left on device."])
+def test_error_in_a_callback_is_reported_and_later_answers_arrive(addon, send, sentence):
     def fail(scene, values):
-        if kind == "damage":
-            raise addon.engine_api.DataError("The planes are damaged.", "Try again.")
-        raise OSError(errno.ENOSPC, "No space left on device", "mask.png")
+        if sentence.startswith("mask.png"):
+            raise OSError(errno.ENOSPC, "No space left on device", "mask.png")
+        raise addon.engine_api.DataError(sentence, "Try again.")
 
     heard = send(fail)
     run_to_end(addon.queries._poll)
-    sentence = {"damage": "The planes are damaged.", "disk": "mask.png: No space left on device."}[kind]
     assert [error.sentence for error in heard.errors] == [sentence]
     send()
     run_to_end(addon.queries._poll)
