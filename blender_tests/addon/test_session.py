@@ -2,7 +2,7 @@
 
 import ast
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -18,22 +18,13 @@ def session(addon):
 
 def test_state_is_closed_with_its_file_or_the_session(bpy, addon, session):
     closed = []
-
-    class OfFile:
-        per_file = True
-
-        def close(self):
-            closed.append("file")
-
-    class OfSession:
-        def close(self):
-            closed.append("session")
-
-    first, second = session.get(OfFile), session.get(OfSession)
-    assert session.get(OfFile) is first and session.get(OfSession) is second
+    of_file = type("OfFile", (), {"per_file": True, "close": lambda self: closed.append("file")})
+    of_session = type("OfSession", (), {"close": lambda self: closed.append("session")})
+    first, second = session.get(of_file), session.get(of_session)
+    assert session.get(of_file) is first and session.get(of_session) is second
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert closed == ["file"] and session.get(OfSession) is second
-    session.get(OfFile)
+    assert closed == ["file"] and session.get(of_session) is second
+    session.get(of_file)
     addon.extension.unregister()
     addon.extension.register()
     assert sorted(closed) == ["file", "file", "session"]
@@ -57,16 +48,12 @@ def test_timers_start_once_and_end_with_the_session(bpy, addon, session):
 def test_draw_handlers_are_added_and_removed(addon, session):
     drawn, package = [], ModuleType("package")
 
-    class Editor:
-        @staticmethod
-        def draw_handler_add(function, arguments, region, moment):
-            drawn.append((function, region, moment))
+    def add(function, arguments, region, moment):
+        drawn.append((function, region, moment))
 
-        @staticmethod
-        def draw_handler_remove(handler, region):
-            drawn.pop()
+    editor = SimpleNamespace(draw_handler_add=add, draw_handler_remove=lambda handler, region: drawn.pop())
 
-    @session.draw_handler(Editor, "POST_VIEW")
+    @session.draw_handler(editor, "POST_VIEW")
     def draw():
         """Never called here."""
 
@@ -84,15 +71,12 @@ def test_each_file_subscribes_to_scenes_clicks_and_sidebars(bpy, addon, session,
     expected = {("Window", "scene"), ("LayerObjects", "active"), *sidebars}
     subscribed, owners = set(), set()
 
-    class Bus:
-        @staticmethod
-        def subscribe_rna(key, owner, args, notify):
-            subscribed.add((key[0].__name__, key[1]))
-            owners.add(owner)
+    def subscribe(key, owner, args, notify):
+        subscribed.add((key[0].__name__, key[1]))
+        owners.add(owner)
 
-        clear_by_owner = owners.discard
-
-    fake_bpy = type("Bpy", (), {name: getattr(bpy, name) for name in ("app", "types", "utils")} | {"msgbus": Bus})
+    bus = SimpleNamespace(subscribe_rna=subscribe, clear_by_owner=owners.discard)
+    fake_bpy = SimpleNamespace(app=bpy.app, types=bpy.types, utils=bpy.utils, msgbus=bus)
     monkeypatch.setattr(session, "bpy", fake_bpy)
     bpy.ops.wm.read_homefile(use_empty=True)
     assert subscribed == expected and owners

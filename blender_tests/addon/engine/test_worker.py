@@ -123,15 +123,6 @@ def run_job(begin, kept):
     return run_job
 
 
-def test_one_process_runs_three_jobs_in_their_own_folders(kept, run_job):
-    processes, folders = set(), set()
-    for _ in range(3):
-        processes.add(run_job())
-        folders.add(kept.folder)
-        kept.check()
-    assert len(processes) == 1 and len(folders) == 3
-
-
 @pytest.mark.parametrize(
     ("behave", "error", "sentence"),
     [
@@ -182,9 +173,9 @@ def test_changed_settings_or_a_dead_process_start_a_new_one(kept, run_job, monke
     process = run_job()
     before, settings = kept._process, {}
     if change == "threads":
-        settings["threads"] = 3
+        settings = {"threads": 3}
     elif change == "python":
-        settings["python"] = tmp_path / "python"
+        settings = {"python": tmp_path / "python"}
         settings["python"].symlink_to(sys.executable)
     elif change == "environment":
         monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")

@@ -42,7 +42,7 @@ def end(bpy, addon, begin):
         begin(*arguments)
         run_to_end(addon.runner._poll)
         assert not addon.runner.is_running()
-        return bpy.context.window_manager.karf_progress
+        return addon.progress.state()
 
     return end
 
@@ -62,12 +62,12 @@ def test_operator_blocks_in_background_mode_and_raises_engine_errors(bpy, addon,
     (addon.captures.path_of(project_scene) / "transforms.json").unlink()  # Blender has read it before
     with pytest.raises(RuntimeError, match="crashed"):
         bpy.ops.karf.learn_scene()
-    assert bpy.context.window_manager.karf_progress.error.startswith("The engine crashed")
+    assert addon.progress.state().error.startswith("The engine crashed")
 
 
 def test_timer_runs_a_task_without_blocking(bpy, addon, project_scene):
     addon.session.get(addon.runner.Runner).begin(addon.steps.learn_scene(project_scene))
-    progress = bpy.context.window_manager.karf_progress
+    progress = addon.progress.state()
     assert progress.running and progress.stage == "Learn Scene"
     run_to_end(addon.runner._poll)
     assert (progress.running, progress.text, progress.error, progress.fraction) == (False, "done", "", 0.5)
@@ -78,7 +78,7 @@ def test_technical_warnings_are_not_shown(bpy, addon):
     for code, sentence in (("convergence", "A residual is left."), ("lacking", "Nothing belongs to 'lid'.")):
         event = addon.engine_api.Event("warning", 1, 0.0, {"code": code, "sentence": sentence})
         addon.progress.show_event("Learn All", event)
-    assert bpy.context.window_manager.karf_progress.warnings == "Nothing belongs to 'lid'."
+    assert addon.progress.state().warnings == "Nothing belongs to 'lid'."
 
 
 def test_second_task_is_rejected_until_cancel_ends_the_first(bpy, addon, project_scene, begin):
@@ -88,16 +88,16 @@ def test_second_task_is_rejected_until_cancel_ends_the_first(bpy, addon, project
     assert not bpy.ops.karf.learn_scene.poll()
     assert bpy.ops.karf.cancel() == {"FINISHED"}
     run_to_end(addon.runner._poll)
-    progress = bpy.context.window_manager.karf_progress
+    progress = addon.progress.state()
     assert progress.text.startswith("cancelled") and progress.error == ""  # the user asked for it
 
 
 def test_file_saved_during_a_job_loads_without_it(bpy, addon, scene, tmp_path):
-    progress = bpy.context.window_manager.karf_progress
+    progress = addon.progress.state()
     progress.running, progress.error = True, "old"
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
-    progress = bpy.context.window_manager.karf_progress
+    progress = addon.progress.state()
     assert not progress.running and progress.error == ""
 
 
@@ -154,7 +154,7 @@ def test_damaged_events_are_skipped_and_a_missing_project_is_named(bpy, addon, p
     assert addon.runner._poll() is not None
     worker.end()
     run_to_end(addon.runner._poll)
-    assert sentence in bpy.context.window_manager.karf_progress.error
+    assert sentence in addon.progress.state().error
 
 
 def test_job_folder_that_cannot_be_made_is_named(bpy, addon, project_scene, tmp_path):
@@ -179,5 +179,5 @@ def test_bug_after_a_job_is_raised_and_ends_the_task(bpy, addon, end):
 
     with pytest.raises(ZeroDivisionError):
         end("", fail)
-    progress = bpy.context.window_manager.karf_progress
+    progress = addon.progress.state()
     assert not addon.runner.is_running() and not progress.running and "ours" in progress.error
