@@ -43,9 +43,8 @@ def _planes(seed):
         share = random.random((len(colors), HEIGHT, WIDTH)) ** 8
         share[random.integers(1, len(colors), (HEIGHT, WIDTH)), *np.indices((HEIGHT, WIDTH))] += 1
         own[: len(colors)] = share / share.sum(axis=0) * present[name]
-        picture = picture * (1 - present[name][:, None]) + np.einsum(
-            "mhw,mc->hwc", own[: len(colors)], np.array(colors)
-        )
+        mixed = np.einsum("mhw,mc->hwc", own[: len(colors)], np.array(colors))
+        picture = picture * (1 - present[name][:, None]) + mixed
     picture += random.normal(scale=0.01, size=picture.shape)
     weights = weights.astype(np.float16)
     return Planes(tuple(LEARNED), weights, weights.sum(axis=1), np.rint(picture.clip(0, 1) * 255).astype(np.uint8))

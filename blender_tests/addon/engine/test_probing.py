@@ -127,9 +127,8 @@ def test_unsuitable_python_is_named_with_the_reason(addon, script, tmp_path, tex
 
 
 def test_library_crash_keeps_earlier_findings(addon, printing, finding_line, tmp_path):
-    python = printing(
-        finding_line("python", "ok", "Fine.") + finding_line("torch", "ok", "Fine."), then="kill -SEGV $$"
-    )
+    lines = finding_line("python", "ok", "Fine.") + finding_line("torch", "ok", "Fine.")
+    python = printing(lines, then="kill -SEGV $$")
     findings = addon.probing.wait(python, tmp_path)
     assert [each.name for each in findings] == ["python", "torch", "engine"]
     assert findings[-1].status == "error" and "after torch (SIGSEGV)" in findings[-1].sentence

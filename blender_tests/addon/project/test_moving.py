@@ -6,6 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
+from ..saved_files import colors
+
 
 @pytest.fixture
 def hidden(addon, learned, tmp_path, monkeypatch):
@@ -120,13 +122,9 @@ def beside(bpy, addon, learned, tmp_path):
     return learned
 
 
-def colors(scene):
-    return {item.name: [tuple(swatch.color) for swatch in item.swatches] for item in scene.karf.objects}
-
-
 @pytest.mark.parametrize("as_copy", [False, True])
 def test_saving_elsewhere_never_loads_another_projects_swatches(bpy, addon, beside, tmp_path, as_copy):
-    project, before = folder_of(addon, beside), colors(beside)
+    project, before = folder_of(addon, beside), colors(bpy)
     # where the relative path from root/deep/er/ to the project leads from root/first/
     decoy = tmp_path / "first" / "project"
     decoy.mkdir(parents=True)
@@ -134,11 +132,11 @@ def test_saving_elsewhere_never_loads_another_projects_swatches(bpy, addon, besi
     (decoy / "palette.json").write_text(json.dumps(content))
     (tmp_path / "root" / "deep" / "er").mkdir(parents=True)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "root" / "deep" / "er" / "shot.blend"), copy=as_copy)
-    assert colors(beside) == before and folder_of(addon, beside) == project
+    assert colors(bpy) == before and folder_of(addon, beside) == project
 
 
 def test_failed_save_leaves_paths_unchanged(bpy, beside, tmp_path):
-    before = colors(beside)
+    before = colors(bpy)
     with pytest.raises(RuntimeError, match="Cannot open file"):
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "no such folder" / "shot.blend"))
-    assert beside.karf.project == "//project" and colors(beside) == before
+    assert beside.karf.project == "//project" and colors(bpy) == before

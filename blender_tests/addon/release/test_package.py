@@ -71,9 +71,8 @@ def test_exclude_patterns_work_as_in_blenders_tool(blenders_tool, tmp_path):
         (source / name).write_text(name)
     patterns = ["/out/", "*.pyc", ".*", "/*.zip", "out?/", "/in/*.md", "/in/out/"]
     manifest = (ROOT / "blender_manifest.toml").read_text().partition("[build]")[0]
-    (source / "blender_manifest.toml").write_text(
-        f"{manifest}[build]\npaths_exclude_pattern = {json.dumps(patterns)}\n"
-    )
+    manifest += f"[build]\npaths_exclude_pattern = {json.dumps(patterns)}\n"
+    (source / "blender_manifest.toml").write_text(manifest)
     blenders_tool("build", "--source-dir", source, "--output-filepath", tmp_path / "packed.zip")
     ours = packed_files(source, patterns)
     assert ours == sorted(contents(tmp_path / "packed.zip"))
@@ -93,13 +92,11 @@ def test_package_holds_only_the_extension(package):
 
 
 def test_repository_index_equals_that_of_blenders_tool(blenders_tool, built, tmp_path):
-    shutil.copytree(built / "repository", tmp_path / "theirs")
-    (tmp_path / "theirs" / "index.json").unlink()
-    blenders_tool("server-generate", "--repo-dir", tmp_path / "theirs")
-    ours, theirs = (
-        json.loads((folder / "index.json").read_text()) for folder in (built / "repository", tmp_path / "theirs")
-    )
-    assert ours == theirs
+    ours, theirs = built / "repository" / "index.json", tmp_path / "theirs" / "index.json"
+    shutil.copytree(ours.parent, theirs.parent)
+    theirs.unlink()
+    blenders_tool("server-generate", "--repo-dir", theirs.parent)
+    assert json.loads(ours.read_text()) == json.loads(theirs.read_text())
 
 
 START = """

@@ -153,13 +153,8 @@ os._exit(0)
 def test_saved_file_shows_its_colors_without_the_extension(bpy, addon, points, shown, tmp_path):
     set_edit(bpy, addon)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    command = [
-        sys.executable,
-        "-c",
-        READ_WITHOUT_EXTENSION,
-        str(tmp_path / "scene.blend"),
-        str(tmp_path / "colors.npy"),
-    ]
+    files = [str(tmp_path / name) for name in ("scene.blend", "colors.npy")]
+    command = [sys.executable, "-c", READ_WITHOUT_EXTENSION, *files]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     assert np.abs(np.load(tmp_path / "colors.npy") - recolored(points)).max() < 0.51 / 255
 

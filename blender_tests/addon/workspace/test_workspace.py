@@ -28,8 +28,7 @@ def test_button_adds_only_one_workspace(bpy, addon, scene):
     (workspace,) = [each for each in bpy.data.workspaces if each.name.startswith("KaRF")]
     (screen,) = workspace.screens
     assert sorted(area.type for area in screen.areas) == ["DOPESHEET_EDITOR", "IMAGE_EDITOR", "VIEW_3D"]
-    sided = [area.spaces.active.show_region_ui for area in screen.areas if area.type != "DOPESHEET_EDITOR"]
-    assert sided == [True, True]
+    assert all(area.spaces.active.show_region_ui for area in screen.areas if area.type != "DOPESHEET_EDITOR")
     assert {kind: len(getattr(bpy.data, kind)) for kind in kinds} == before
     assert addon.opening.FILE.stat().st_size < 100_000
 
@@ -62,11 +61,10 @@ def test_workspace_opens_without_photos(addon, project_scene, capture_folder, wi
     assert "KaRF: " in capsys.readouterr().out
 
 
-def test_opened_file_shows_its_picture(bpy, learned, editor, tmp_path):
+def test_opened_file_shows_its_picture(learned, editor, reopen):
     editor().image = None
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "pots.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "pots.blend"))
-    assert editor().image == bpy.context.scene.karf.result is not None
+    scene = reopen()
+    assert editor().image == scene.karf.result is not None
 
 
 def test_lost_preview_is_replaced_and_other_pictures_stay(bpy, addon, learned, editor):
