@@ -177,6 +177,13 @@ def layers_file(tmp_path_factory):
     return folder / "layers" / "photo_0.exr"
 
 
+def run_without_extension(code, blend, out):
+    """Open a file in a Blender without the extension, and run code that writes to `out`."""
+    start = "import os, sys, bpy, numpy as np\nblend, out = sys.argv[-2:]\nbpy.ops.wm.open_mainfile(filepath=blend)\n"
+    code = f'{start}assert not hasattr(bpy.types.Scene, "karf")\n{code}\nos._exit(0)'
+    subprocess.run([sys.executable, "-c", code, blend, out], check=True, capture_output=True, timeout=120)
+
+
 @pytest.fixture
 def learned(bpy, addon, capture_folder, tmp_path_factory, tmp_path):
     """The scene with palettes and its first view shown; the engine runs once for all tests."""

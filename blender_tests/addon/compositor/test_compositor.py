@@ -1,11 +1,11 @@
 """The compositor: Blender's own node reads the mattes, and KaRF's nodes recolor as the engine does."""
 
 import shutil
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+
+from ..conftest import run_without_extension
 
 NAMES = ("lid", "pot")
 LEVEL = 1 / 255
@@ -127,17 +127,6 @@ def test_keyframed_swatches_are_followed(addon, learned, built, composite, set_e
     assert np.abs(composite() - truth["recolored"]).max() < 0.5 * LEVEL
 
 
-RENDER_WITHOUT_EXTENSION = """
-import os, sys, bpy
-blend, out = sys.argv[-2:]
-bpy.ops.wm.open_mainfile(filepath=blend)
-assert not hasattr(bpy.types.Scene, "karf")
-bpy.context.scene.render.filepath = out
-bpy.ops.render.render(write_still=True)
-os._exit(0)
-"""
-
-
 @pytest.mark.parametrize("driven", [True, False])
 def test_file_recolors_without_the_extension(bpy, addon, learned, built, composite, set_edit, truth, tmp_path, driven):
     assert bpy.ops.karf.build_compositor(driven=True) == {"FINISHED"}
@@ -147,9 +136,8 @@ def test_file_recolors_without_the_extension(bpy, addon, learned, built, composi
         assert not built.id_data.animation_data.drivers
     composite()  # sets the output format
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "recolor.blend"))
-    files = [str(tmp_path / name) for name in ("recolor.blend", "opened.exr")]
-    command = [sys.executable, "-c", RENDER_WITHOUT_EXTENSION, *files]
-    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    render = "bpy.context.scene.render.filepath = out; bpy.ops.render.render(write_still=True)"
+    run_without_extension(render, tmp_path / "recolor.blend", tmp_path / "opened.exr")
     picture = as_display(addon, load(bpy, addon, tmp_path / "opened.exr"))
     assert np.abs(picture - truth["recolored"]).max() < 0.5 * LEVEL
 
@@ -183,7 +171,7 @@ def test_rebuilding_keeps_the_node_and_its_links(bpy, addon, learned, compositor
     assert (len(compositor.nodes), len(bpy.data.node_groups), len(bpy.data.images)) == count
 
 
-def test_wrong_size_view_transform_and_unknown_space_are_warned_of(addon, scene, compositor, layers_file):
+def test_unsuitable_render_settings_are_warned_of(addon, scene, compositor, layers_file):
     addon.steps.place_layers(scene, layers_file)
     assert not addon.progress.state().warnings.count("pixels, but the scene renders")
     scene.render.resolution_x, scene.view_settings.view_transform = 80, "AgX"

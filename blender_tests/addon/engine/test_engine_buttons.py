@@ -63,7 +63,7 @@ def dialog(bpy, **values):
     return " ".join(drawn)
 
 
-def test_python_is_that_of_preference_variable_installation_or_checkout(bpy, addon, preferences, tmp_path, monkeypatch):
+def test_engine_python_is_found_in_order_of_precedence(bpy, addon, preferences, tmp_path, monkeypatch):
     find = addon.preferences.engine_python
     preferred, variable = tmp_path / "preferred", tmp_path / "variable"
     installed = addon.home.python_of(tmp_path / "engine" / "env")

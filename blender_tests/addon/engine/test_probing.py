@@ -42,13 +42,6 @@ def finding_line(addon):
     return lambda *values: addon.engine_api.Finding(*values).to_line() + "\n"
 
 
-@pytest.fixture
-def hanging(addon, script, tmp_path):
-    """The process of a test whose Python hangs."""
-    addon.probing._begin(script("sleep 60 & wait"), tmp_path, 0)
-    return addon.session.get(addon.probing._State).examination._inquiry.process
-
-
 def test_findings_are_those_of_the_tested_python(bpy, addon, preferences, tmp_path):
     preferences.engine_python = sys.executable
     with pytest.raises(RuntimeError, match="cannot work here: torch"):
@@ -90,7 +83,9 @@ def test_findings_appear_as_they_come(bpy, addon, preferences, printing, finding
 
 
 @pytest.mark.parametrize("by", ["cancel", "disabling the extension"])
-def test_hanging_test_is_ended(bpy, addon, preferences, hanging, by):
+def test_hanging_test_is_ended(bpy, addon, preferences, script, tmp_path, by):
+    addon.probing._begin(script("sleep 60 & wait"), tmp_path, 0)
+    process = addon.session.get(addon.probing._State).examination._inquiry.process
     assert addon.probing._tick() == addon.probing.POLL_SECONDS
     addon.session.start_timer(addon.probing._tick, 60, persistent=True)
     if by == "cancel":
@@ -98,7 +93,7 @@ def test_hanging_test_is_ended(bpy, addon, preferences, hanging, by):
     else:
         addon.extension.unregister()
         addon.extension.register()
-    assert hanging.poll() is not None and not addon.probing.is_running()
+    assert process.poll() is not None and not addon.probing.is_running()
     assert not bpy.app.timers.is_registered(addon.probing._tick)
 
 

@@ -131,7 +131,7 @@ def run_job(begin, kept):
         ("crash", "KarfError", rf"^The engine crashed in the geometry job \({ABORTED}\)\. See its log for details\.$"),
     ],
 )
-def test_failure_is_one_sentence_and_affects_only_its_own_job(addon, kept, run_job, tmp_path, behave, error, sentence):
+def test_failure_is_one_sentence_and_spares_other_jobs(addon, kept, run_job, tmp_path, behave, error, sentence):
     process = run_job()
     run_job(behave)
     with pytest.raises(getattr(addon.engine_api, error), match=sentence):
@@ -144,7 +144,7 @@ def test_failure_is_one_sentence_and_affects_only_its_own_job(addon, kept, run_j
 
 
 @pytest.mark.parametrize("is_first", [True, False])
-def test_cancelled_job_stops_safely_and_its_process_takes_no_other(addon, begin, kept, run_job, is_first):
+def test_cancelled_process_takes_no_other_job(addon, begin, kept, run_job, is_first):
     process = None if is_first else run_job()
     begin("wait for cancel", kept)
     wait_for_hello(kept)
@@ -169,7 +169,7 @@ def test_process_cancelled_after_its_job_takes_no_other(begin, kept, run_job):
 
 
 @pytest.mark.parametrize("change", ["threads", "python", "environment", "too long", "gone"])
-def test_changed_settings_or_a_dead_process_start_a_new_one(kept, run_job, monkeypatch, tmp_path, change):
+def test_changed_settings_or_dead_process_start_another(kept, run_job, monkeypatch, tmp_path, change):
     process = run_job()
     before, settings = kept._process, {}
     if change == "threads":

@@ -166,7 +166,7 @@ def test_importing_again_restores_a_missing_project(bpy, addon, learned, timed, 
     assert bpy.ops.karf.learn_scene.poll() and not bpy.ops.karf.segment.poll()
 
 
-def test_cameras_are_imported_even_if_the_project_cannot_be_created(addon, scene, capture_folder, tmp_path):
+def test_cameras_are_imported_without_a_writable_project(addon, scene, capture_folder, tmp_path):
     (tmp_path / "file").touch()
     capture = addon.steps.import_capture(scene, capture_folder, tmp_path / "file" / "project")
     assert "cannot be made" in capture.warnings[-1] and len(scene.karf.rig.children) == 3
@@ -207,7 +207,7 @@ def set_times(folder, seconds):
 
 
 @pytest.mark.parametrize("seconds", [LATER, EARLIER])
-def test_planes_are_current_until_an_earlier_stage_runs_again(addon, learned, seconds):
+def test_planes_are_current_until_a_stage_reruns(addon, learned, seconds):
     project = addon.folders.project_of(learned)
     set_times(project.folder, seconds)
     assert addon.disk.is_prepared(learned)
@@ -230,7 +230,7 @@ def test_planes_without_fingerprint_or_damaged_are_not_current(addon, learned):
 
 
 @pytest.mark.parametrize("stage", ["geometry", "segmentation"])
-def test_renderings_and_masks_are_current_until_their_stage_runs_again(bpy, addon, learned, stage):
+def test_renderings_and_masks_are_current_until_a_stage_reruns(bpy, addon, learned, stage):
     project = addon.folders.project_of(learned)
     project.uncertainty_file.touch()
     assert bpy.ops.karf.see_view() == {"FINISHED"}

@@ -44,7 +44,7 @@ def move(view):
     view.data.view_matrix.translation.x += 1
 
 
-def test_small_picture_comes_first_and_the_full_one_at_rest(addon, view):
+def test_small_picture_precedes_the_full_one_at_rest(addon, view):
     view.draw()
     assert view.long_sides == [addon.viewport.FIRST_SIDE]
     view.draw(0.01)

@@ -89,7 +89,7 @@ def test_up_is_found_from_photos_taken_from_above(addon, world):
         assert np.degrees(np.arccos(up @ world @ (0, 0, 1))) < 4
 
 
-def test_up_of_photos_side_by_side_is_that_of_the_camera(addon):
+def test_photos_side_by_side_keep_the_cameras_up(addon):
     up = np.array([0.0, -1.0, 0.0])
     poses = [pose_of(np.array([x, y, 0.0]), np.array([x, y, 9.0]), up) for x in (-1, 0, 1) for y in (-1, 0, 1)]
     np.testing.assert_allclose(addon.cameras.up_of(capture_of(poses)), up, atol=1e-6)

@@ -67,7 +67,7 @@ def test_points_are_balls_with_color_and_error(bpy, addon, imported):
     assert shown.materials[shown.polygons[0].material_index].name.startswith("KaRF points")
 
 
-def test_points_can_be_left_out_and_errors_refer_to_the_stored_photo(addon, scene, colmap_folder, tmp_path):
+def test_errors_refer_to_the_stored_photo_even_without_points(addon, scene, colmap_folder, tmp_path):
     file = colmap_folder / "sparse" / "0" / "images.txt"  # a file of the model is the capture of its folder
     addon.steps.import_capture(scene, file, tmp_path / "project", rig=addon.steps.RigOptions(points=False))
     assert addon.folders.absolute(scene.karf.capture) == colmap_folder

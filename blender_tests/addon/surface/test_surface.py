@@ -3,11 +3,11 @@
 import dataclasses
 import json
 import struct
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+
+from ..conftest import run_without_extension
 
 NAMES = ("lid", "pot")
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
@@ -137,25 +137,19 @@ def test_radius_scales_faces_and_survives_a_new_import(bpy, addon, learned, poin
     assert_recolored(bpy, again, points)
 
 
-READ_WITHOUT_EXTENSION = """
-import os, sys, bpy, numpy as np
-bpy.ops.wm.open_mainfile(filepath=sys.argv[-2])
-assert not hasattr(bpy.types.Scene, "karf")
+SAVE_COLORS = """
 item = bpy.data.objects["KaRF scene"]
 data = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
 flat = np.empty(16 * len(data.polygons), np.float32)
 data.attributes["Color"].data.foreach_get("color_srgb", flat)
-np.save(sys.argv[-1], flat.reshape(-1, 4, 4)[:, 0, :3])
-os._exit(0)
+np.save(out, flat.reshape(-1, 4, 4)[:, 0, :3])
 """
 
 
 def test_saved_file_shows_its_colors_without_the_extension(bpy, addon, points, shown, tmp_path):
     set_edit(bpy, addon)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    files = [str(tmp_path / name) for name in ("scene.blend", "colors.npy")]
-    command = [sys.executable, "-c", READ_WITHOUT_EXTENSION, *files]
-    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    run_without_extension(SAVE_COLORS, tmp_path / "scene.blend", tmp_path / "colors.npy")
     assert np.abs(np.load(tmp_path / "colors.npy") - recolored(points)).max() < 0.51 / 255
 
 
@@ -167,7 +161,7 @@ def test_requested_number_of_points_reaches_the_engine(addon, learned, points_fi
     assert addon.engine_api.read_json(job / "request.json", "request")["options"]["count"] == 7000
 
 
-def test_points_of_other_palettes_are_warned_of_and_not_recolored(bpy, addon, learned, points, points_file):
+def test_points_of_other_palettes_warn_and_keep_their_colors(bpy, addon, learned, points, points_file):
     learned.karf.objects["pot"].swatches[1].learned = (0.5, 0.5, 0.5)
     shown = addon.steps.place_points(learned, points_file)
     set_edit(bpy, addon)

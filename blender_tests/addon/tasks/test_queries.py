@@ -111,7 +111,7 @@ def send(addon, project_scene, timers):
     return send
 
 
-def test_query_returns_at_once_and_a_timer_delivers_the_answer(addon, send, timers):
+def test_query_returns_at_once_and_is_answered_by_timer(addon, send, timers):
     heard = send()
     assert heard.answers == [] and addon.queries.is_waiting("echo") and timers == [addon.queries._poll]
     run_to_end(addon.queries._poll)
@@ -142,7 +142,7 @@ def test_unhandled_error_is_shown_in_the_panel(bpy, addon, project_scene, timers
 
 
 @pytest.mark.parametrize("sentence", ["The planes are damaged.", "mask.png: No space left on device."])
-def test_error_in_a_callback_is_reported_and_later_answers_arrive(addon, send, sentence):
+def test_callback_error_is_reported_and_later_answers_arrive(addon, send, sentence):
     def fail(scene, values):
         if sentence.startswith("mask.png"):
             raise OSError(errno.ENOSPC, "No space left on device", "mask.png")

@@ -142,7 +142,7 @@ def test_error_that_the_user_can_fix_has_no_report(bpy, addon, end):
 
 
 @pytest.mark.parametrize("sentence", ["crashed in the geometry job (SIG", "was removed while"])
-def test_damaged_events_are_skipped_and_a_missing_project_is_named(bpy, addon, project_scene, begin, sentence):
+def test_damaged_events_are_skipped_and_missing_project_named(bpy, addon, project_scene, begin, sentence):
     worker = begin("deaf")
     if sentence.startswith("crashed"):
         (worker.folder / "events.jsonl").write_text("".join(f"{line}\n" for line in DAMAGED))

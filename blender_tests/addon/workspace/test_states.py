@@ -80,11 +80,11 @@ def test_step_of_the_running_job_is_shown(addon, learned, monkeypatch):
         (DONE, DONE | {"segment": "stale"}, {"segment": True}),
     ],
 )
-def test_finished_steps_fold_and_the_next_or_stale_one_opens(addon, before, after, changes):
+def test_finished_steps_fold_and_the_next_opens(addon, before, after, changes):
     assert addon.states.opened(before, after) == changes
 
 
-def test_panels_opened_by_hand_stay_open_until_a_step_is_done(bpy, addon, project_scene):
+def test_panels_opened_by_hand_stay_until_a_step_ends(bpy, addon, project_scene):
     folding = bpy.context.window_manager.karf_folding
     addon.states.update()
     assert folding.show_learn and not folding.show_import

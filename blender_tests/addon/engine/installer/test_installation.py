@@ -193,7 +193,7 @@ def test_blender_may_be_killed_at_any_step(managed, outdated, install, planned, 
     assert {name for name in ("pycolmap", "numba") if (site(place) / name).is_dir()} == {"numba"}
 
 
-def test_old_environments_are_removed_unless_a_job_runs_in_them(managed, outdated, install, planned, place):
+def test_unused_old_environments_are_removed(managed, outdated, install, planned, place):
     first = managed.home.python_in(place)
     program = "import sys; print(3, flush=True); sys.stdin.readline(); import scipy; print(scipy.name)"
     running = subprocess.Popen([first, "-I", "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

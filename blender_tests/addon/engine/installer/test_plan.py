@@ -182,7 +182,7 @@ ERROR: No matching distribution found for uv==0.13.9"""
         ("", r"Installing packages failed \(exit code 2\): it said nothing"),
     ],
 )
-def test_failure_of_pip_or_uv_is_one_sentence_with_a_remedy(managed, plan, output, sentence):
+def test_pip_or_uv_failure_is_explained_with_a_remedy(managed, plan, output, sentence):
     made = plan()
     error = managed.installation.explain(made, made.steps()[-1], output.splitlines(), "exit code 2")
     assert error.hint.endswith("Install goes on from there.")
