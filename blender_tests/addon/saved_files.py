@@ -34,13 +34,6 @@ def everything_stored(group):
     return found
 
 
-def palettes_shown(bpy, folder):
-    """The edit file of the scene: the palette of each object as the picture shows it."""
-    path = Path(folder) / "shown.json"
-    bpy.ops.karf.save_edit(filepath=str(path))
-    return json.loads(path.read_text())
-
-
 def picture(bpy):
     """The recolored picture, [H, W, 3] bytes."""
     image = bpy.context.scene.karf.result
@@ -115,5 +108,6 @@ def run_trial(bpy, blend, trial, folder):
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     TRIALS[trial](bpy)
-    karf = bpy.context.scene.karf
-    return {"colors": colors(bpy), "shown": palettes_shown(bpy, folder), "look": karf.look}, picture(bpy)
+    bpy.ops.karf.save_edit(filepath=str(folder / "shown.json"))
+    shown, look = json.loads((folder / "shown.json").read_text()), bpy.context.scene.karf.look
+    return {"colors": colors(bpy), "shown": shown, "look": look}, picture(bpy)

@@ -10,16 +10,6 @@ from ..timers import run_to_end
 
 
 @pytest.fixture
-def managed(addon, preferences, tmp_path):
-    """An engine folder of KaRF's own, with an environment."""
-    folder = tmp_path / "engine"
-    addon.home.claim(folder, {"build": "cpu", "extras": ["photos"], "platform": "any", "python": "3.11"})
-    (folder / "env" / "lib").mkdir(parents=True)
-    preferences.engine_folder = str(folder)
-    return folder
-
-
-@pytest.fixture
 def engine(addon, monkeypatch, tmp_path):
     """A function that lets the preferences find an engine in some state."""
 
@@ -186,19 +176,22 @@ def test_running_installation_shows_progress_and_cancel(bpy, addon, preferences,
 
 
 @pytest.mark.parametrize("is_locked", [False, True])
-def test_remove_does_not_block_and_shows_errors(bpy, addon, preferences, managed, monkeypatch, is_locked):
+def test_remove_does_not_block_and_shows_errors(bpy, addon, preferences, tmp_path, monkeypatch, is_locked):
     def fail(*_, **__):
         raise PermissionError(13, "Permission denied", "torch.dll")
 
-    installing = addon.installing
+    installing, folder = addon.installing, tmp_path / "engine"
+    addon.home.claim(folder, {"build": "cpu", "extras": ["photos"], "platform": "any", "python": "3.11"})
+    (folder / "env" / "lib").mkdir(parents=True)
+    preferences.engine_folder = str(folder)
     if is_locked:
         monkeypatch.setattr(addon.home.chores, "command", lambda *arguments: ("true",))
         monkeypatch.setattr(addon.home.chores, "remove", fail)
-    installing._begin(installing.Removal, managed)
+    installing._begin(installing.Removal, folder)
     assert "Removing the engine ..." in drawn_preferences(bpy, preferences)
     assert not bpy.ops.karf.install_engine.poll() and not bpy.ops.karf.cancel_installation.poll()
     run_to_end(installing._tick)
-    assert not installing.is_running() and managed.exists() == is_locked
+    assert not installing.is_running() and folder.exists() == is_locked
     assert (installing.last_error() is not None) == is_locked
     assert ("torch.dll: Permission denied" in drawn_preferences(bpy, preferences)) == is_locked
     addon.session.get(installing._State).error = None

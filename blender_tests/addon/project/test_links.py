@@ -20,15 +20,6 @@ PLACES = (
 )
 
 
-@pytest.fixture
-def outside(addon, tmp_path):
-    """Somebody else's folder, with files named like the extension's."""
-    folder = tmp_path / "outside"
-    for name in ("photo_0.png", "pot/photo_0.png", "recolor/photo_0.png", "20200101-000000-000-warm/a.png"):
-        addon.images.write_png(folder / name, np.ones((16, 24, 3)))
-    return folder
-
-
 def files(folder):
     return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
@@ -62,7 +53,10 @@ def use_everything(bpy, addon, scene):
 
 
 @pytest.mark.parametrize("places", PLACES)
-def test_links_change_nothing_outside_the_project(bpy, addon, learned, outside, places):
+def test_links_change_nothing_outside_the_project(bpy, addon, learned, tmp_path, places):
+    outside = tmp_path / "outside"  # with files named like the extension's
+    for name in ("photo_0.png", "pot/photo_0.png", "recolor/photo_0.png", "20200101-000000-000-warm/a.png"):
+        addon.images.write_png(outside / name, np.ones((16, 24, 3)))
     for place in places.split():
         target = outside / "made_by_a_link" if "." in place or place == "lock" else outside
         path = addon.folders.project_of(learned).folder / place

@@ -39,11 +39,6 @@ def view(bpy, addon, learned, monkeypatch):
     return SimpleNamespace(draw=draw, long_sides=long_sides, data=data, scene=learned, context=context)
 
 
-def move(view):
-    view.data.view_matrix = view.data.view_matrix.copy()
-    view.data.view_matrix.translation.x += 1
-
-
 def test_small_picture_precedes_the_full_one_at_rest(addon, view):
     view.draw()
     assert view.long_sides == [addon.viewport.FIRST_SIDE]
@@ -60,7 +55,8 @@ def test_picture_follows_swatches_and_view_and_grows_if_fast(bpy, addon, view):
     addon.steps.set_swatch(bpy.context.scene, "pot", 1, (0.2, 0.4, 0.8))
     upper_left = view.draw(0.01)._pixels[-1, 0, :3]  # scene-linear
     np.testing.assert_allclose(upper_left, addon.engine_api.srgb_to_linear([0.2, 0.4, 0.8]), atol=2e-3)
-    move(view)
+    view.data.view_matrix = view.data.view_matrix.copy()
+    view.data.view_matrix.translation.x += 1
     view.draw(0.01)
     first = addon.viewport.FIRST_SIDE
     assert len(view.long_sides) == 3 and view.long_sides[:2] == [first, 2 * first]

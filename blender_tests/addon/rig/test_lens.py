@@ -46,27 +46,20 @@ def camera(request, addon):
     return addon.engine_api.Camera(*request.param, pose())
 
 
-@pytest.fixture
-def rigged(addon, scene, camera, tmp_path):
-    """The scene looking through a rig of this camera."""
+@pytest.mark.parametrize("is_moved", [False, True])
+def test_rig_camera_equals_its_pinhole_wherever_the_rig_is(bpy, addon, scene, camera, tmp_path, is_moved):
     api = addon.engine_api
     capture = api.Capture(tmp_path, "test", (api.View("one", "one", camera, None, "train"),))
-    scene.karf.rig = addon.cameras.build(capture, "Rig", scene)
+    scene.karf.rig = rig = addon.cameras.build(capture, "Rig", scene)
     addon.cameras.look_through(scene, capture.views[0])
-    return scene
-
-
-@pytest.mark.parametrize("is_moved", [False, True])
-def test_rig_camera_equals_its_pinhole_wherever_the_rig_is(bpy, addon, rigged, camera, is_moved):
-    rig = rigged.karf.rig
     if is_moved:
         rig.location, rig.rotation_euler, rig.scale = (4, -2, 1), (0.3, 0.1, 2.0), (2.5, 2.5, 2.5)
-    rigged.view_layers[0].update()
+    scene.view_layers[0].update()
     world = np.array(rig.matrix_world)
     points = POINTS @ world[:3, :3].T + world[:3, 3]
     expected, _ = camera.project(POINTS)
-    assert np.abs(blender_pixels(bpy, rigged, points) - expected).max() < 1e-3
-    found = addon.lens.pinhole(rigged, rigged.camera)
+    assert np.abs(blender_pixels(bpy, scene, points) - expected).max() < 1e-3
+    found = addon.lens.pinhole(scene, scene.camera)
     assert (found.width, found.height) == (camera.width, camera.height)
     numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
     np.testing.assert_allclose((found.fx, found.fy, found.cx, found.cy), numbers, atol=1e-3)

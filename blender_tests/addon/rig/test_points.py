@@ -39,10 +39,6 @@ def imported(addon, scene, colmap_folder, tmp_path):
     return scene
 
 
-def points_of(scene):
-    return next(child for child in scene.karf.rig.children if child.type == "MESH")
-
-
 def column(attribute, name, width):
     values = np.empty(len(attribute.data) * width, np.float32)
     attribute.data.foreach_get(name, values)
@@ -50,7 +46,8 @@ def column(attribute, name, width):
 
 
 def test_points_are_balls_with_color_and_error(bpy, addon, imported):
-    points, item = addon.captures.of(imported).points, points_of(imported)
+    points = addon.captures.of(imported).points
+    item = next(child for child in imported.karf.rig.children if child.type == "MESH")
     assert len(item.data.vertices) == imported.karf.n_points == 40 and not item.data.edges
     coordinates = np.empty(120, np.float32)
     item.data.vertices.foreach_get("co", coordinates)
@@ -61,7 +58,7 @@ def test_points_are_balls_with_color_and_error(bpy, addon, imported):
     np.testing.assert_allclose(column(error, "value", 1)[:, 0], points.errors)
     assert item.hide_render and not item.hide_select
     imported.view_layers[0].update()
-    shown = points_of(imported).evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    shown = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     assert len(shown.polygons) == 40 * 8 and len(shown.vertices) == 40 * 6
     assert shown.color_attributes.active_color_name == "color"
     assert shown.materials[shown.polygons[0].material_index].name.startswith("KaRF points")

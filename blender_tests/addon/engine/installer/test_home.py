@@ -5,18 +5,6 @@ import json
 import pytest
 
 
-@pytest.fixture
-def claimed(managed, tmp_path):
-    """An engine folder with the environment `env`, and another environment, `elsewhere`, beside it."""
-    for environment in (tmp_path / "engine" / "env", tmp_path / "elsewhere"):
-        python = managed.home.python_of(environment)
-        python.parent.mkdir(parents=True)
-        python.touch()
-    mark = {"schema": managed.home.SCHEMA, "build": "cpu", "extras": ["photos", "fast"], "python": "3.11"}
-    (tmp_path / "engine" / "karf-engine.json").write_text(json.dumps(mark | {"platform": "linux-x86_64"}))
-    return tmp_path / "engine"
-
-
 @pytest.mark.parametrize(
     ("installed", "state"),
     [
@@ -27,14 +15,21 @@ def claimed(managed, tmp_path):
         *(({"environment": name}, "unfinished") for name in ("../elsewhere", "env-x", "", 7, None)),
     ],
 )
-def test_status_is_that_of_the_recorded_environment(managed, claimed, installed, state):
+def test_status_is_that_of_the_recorded_environment(managed, tmp_path, installed, state):
+    folder = tmp_path / "engine"
+    for environment in (folder / "env", tmp_path / "elsewhere"):
+        python = managed.home.python_of(environment)
+        python.parent.mkdir(parents=True)
+        python.touch()
+    mark = {"schema": managed.home.SCHEMA, "build": "cpu", "extras": ["photos", "fast"], "python": "3.11"}
+    (folder / "karf-engine.json").write_text(json.dumps(mark | {"platform": "linux-x86_64"}))
     if installed is not None:
         content = {"schema": managed.home.SCHEMA, "torch": "2.0", "digest": "of other packages"}
-        (claimed / "installed.json").write_text(json.dumps(content | installed))
-    status = managed.home.status(claimed)
+        (folder / "installed.json").write_text(json.dumps(content | installed))
+    status = managed.home.status(folder)
     assert (status.state, status.extras) == (state, ("photos",))  # `fast`, numba, was an extra once
-    python = managed.home.python_of(claimed / "env")
-    assert managed.home.python_in(claimed) == (python if state == "outdated" else None)
+    python = managed.home.python_of(folder / "env")
+    assert managed.home.python_in(folder) == (python if state == "outdated" else None)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema": "karf-managed/9"}', None])
