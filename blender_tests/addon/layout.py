@@ -43,7 +43,6 @@ class Layout:
         assert 0 <= factor <= 1
         self._add(text)
 
-    # --- properties --------------------------------------------------------------------------------------------------
     def prop(self, data, name, **options):
         assert name in data.bl_rna.properties
         self._add(name, **options)
@@ -64,7 +63,6 @@ class Layout:
         assert collection in data.bl_rna.properties and active in active_data.bl_rna.properties
         self._add(kind)
 
-    # --- menus and operators -----------------------------------------------------------------------------------------
     def menu(self, name, text="", **options):
         assert hasattr(self._bpy.types, name)
         self._add(name, **options)

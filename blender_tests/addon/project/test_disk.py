@@ -93,7 +93,6 @@ def test_reading_the_disk_never_raises(addon, learned, timed, monkeypatch):
     assert addon.disk.contents_of(learned) == addon.disk.Contents()
 
 
-# --- masks written by other programs -------------------------------------------------------------------------------
 @pytest.fixture
 def many_masks(addon, learned, timed, tmp_path):
     """500 masks of one object, half of them in a subfolder, known to the timer; returns one of them."""
@@ -139,7 +138,6 @@ def test_timer_notices_changed_masks(addon, learned, many_masks, monkeypatch, ch
     assert found.masks == {"pot": count} and "segmentation" in found.outdated
 
 
-# --- a project that is missing -------------------------------------------------------------------------------------
 def test_missing_project_is_named_until_it_is_back(bpy, addon, learned, timed, tmp_path):
     project = addon.folders.project_of(learned).folder
     shutil.move(project, tmp_path / "elsewhere")
@@ -199,7 +197,6 @@ def test_segmentation_report_gives_suggestions_and_doubts(addon, project_scene, 
     assert found.any_view_helps is expected.get("any_view_helps", False)
 
 
-# --- files that are current or outdated ----------------------------------------------------------------------------
 def set_times(folder, seconds):
     """Give all files of a project the same time."""
     for path in folder.rglob("*"):

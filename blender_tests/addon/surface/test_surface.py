@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ..conftest import run_without_extension
+from ..fake_engine.__main__ import LEARNED
 
-NAMES = ("lid", "pot")
-LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
+NAMES = tuple(LEARNED)
 EDIT = {("lid", 1): (0.9, 0.1, 0.6), ("pot", 1): (0.1, 0.3, 0.9), ("pot", 2): (0.3, 1.4, 0.2)}
 
 
@@ -44,13 +44,17 @@ def shown(addon, learned, points_file):
     return addon.steps.place_points(learned, points_file)
 
 
+def read_colors(attribute):
+    flat = np.empty(4 * len(attribute.data), np.float32)
+    attribute.data.foreach_get("color_srgb", flat)
+    return flat.reshape(-1, 4)[:, :3]
+
+
 def colors_of(bpy, item):
     """The shown colors of the faces, [n, 3] sRGB; each face has one."""
     data = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     assert data.color_attributes.active_color_name == "Color"
-    flat = np.empty(16 * len(data.polygons), np.float32)
-    data.attributes["Color"].data.foreach_get("color_srgb", flat)
-    corners = flat.reshape(-1, 4, 4)[..., :3]
+    corners = read_colors(data.attributes["Color"]).reshape(len(data.polygons), 4, 3)
     np.testing.assert_array_equal(corners, np.broadcast_to(corners[:, :1], corners.shape))
     return corners[:, 0]
 
@@ -188,15 +192,10 @@ def imported(bpy, addon, path):
     if path.suffix == ".glb":
         return glb_colors(addon, path)
     bpy.ops.wm.read_homefile(use_empty=True)
-    if path.suffix == ".ply":
-        bpy.ops.wm.ply_import(filepath=str(path))
-    else:
-        bpy.ops.wm.usd_import(filepath=str(path))
+    read = bpy.ops.wm.ply_import if path.suffix == ".ply" else bpy.ops.wm.usd_import
+    read(filepath=str(path))
     (item,) = [each for each in bpy.data.objects if each.type == "MESH" and not each.name.startswith("Icosphere")]
-    attribute = item.data.color_attributes[0]
-    flat = np.empty(4 * len(attribute.data), np.float32)
-    attribute.data.foreach_get("color_srgb", flat)
-    return np.unique(np.rint(flat.reshape(-1, 4)[:, :3] * 255).astype(int), axis=0)
+    return np.unique(np.rint(read_colors(item.data.color_attributes[0]) * 255).astype(int), axis=0)
 
 
 @pytest.mark.parametrize(

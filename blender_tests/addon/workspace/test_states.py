@@ -75,7 +75,7 @@ def test_step_of_the_running_job_is_shown(addon, learned, monkeypatch):
         (
             LEARNED,
             LEARNED | {"mark": "done", "segment": "done"},
-            {"import": False, "learn": False, "mark": False, "segment": False, "palette": True},
+            dict.fromkeys(list(NEW)[:4], False) | {"palette": True},
         ),
         (DONE, DONE | {"segment": "stale"}, {"segment": True}),
     ],

@@ -38,9 +38,8 @@ def test_plan_names_size_source_and_folder_and_changes_nothing(managed, plan, tm
     assert f"To {tmp_path / 'my engine'}, about " in text and "are free" in text
     assert f"made by {sys.executable} (Python {PYTHON})" in text
     assert list(tmp_path.iterdir()) == []
-    assert [shlex.split(line) for line in made.commands("posix").splitlines()] == [
-        list(step.command) for step in made.steps()
-    ]
+    commands = [shlex.split(line) for line in made.commands("posix").splitlines()]
+    assert commands == [list(step.command) for step in made.steps()]
 
 
 @pytest.mark.parametrize(
