@@ -58,8 +58,8 @@ def addon(bpy, monkeypatch):
     """The add-on's modules by name, in an empty file, with the fake engine behind them."""
     bpy.ops.wm.read_homefile(use_empty=True)
     modules = SimpleNamespace(extension=importlib.import_module(f"{MODULE}.karf_blender"))
-    for room, names in MODULES.items():
-        package = f"{MODULE}.karf_blender.{room}".rstrip(".")
+    for folder, names in MODULES.items():
+        package = f"{MODULE}.karf_blender.{folder}".rstrip(".")
         for name in names.split():
             setattr(modules, name, importlib.import_module(f"{package}.{name}"))
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
@@ -122,7 +122,7 @@ def reopen(bpy, tmp_path):
 
 
 @pytest.fixture
-def capture_folder(bpy, addon, tmp_path):
+def capture_folder(addon, tmp_path):
     """An instant-ngp style capture of three 24 x 16 photos."""
     return make_capture(addon, tmp_path / "pots", 3, 24, 16)
 
@@ -153,7 +153,7 @@ def project_scene(addon, scene, capture_folder, tmp_path):
 
 
 @pytest.fixture
-def two_splits(bpy, addon, tmp_path):
+def two_splits(addon, tmp_path):
     """A NeRF-synthetic capture whose training and test photo are both called r_000."""
     folder = make_capture(addon, tmp_path / "splits", 2, 24, 16)
     content = json.loads((folder / "transforms.json").read_text())

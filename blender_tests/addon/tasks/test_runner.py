@@ -35,7 +35,7 @@ def begin(addon, project_scene):
 
 
 @pytest.fixture
-def end(bpy, addon, begin):
+def end(addon, begin):
     """A function that runs a task to its end by the timer and returns the progress shown."""
 
     def end(*arguments):
@@ -65,7 +65,7 @@ def test_operator_blocks_in_background_mode_and_raises_engine_errors(bpy, addon,
     assert addon.progress.state().error.startswith("The engine crashed")
 
 
-def test_timer_runs_a_task_without_blocking(bpy, addon, project_scene):
+def test_timer_runs_a_task_without_blocking(addon, project_scene):
     addon.session.get(addon.runner.Runner).begin(addon.steps.learn_scene(project_scene))
     progress = addon.progress.state()
     assert progress.running and progress.stage == "Learn Scene"
@@ -74,7 +74,7 @@ def test_timer_runs_a_task_without_blocking(bpy, addon, project_scene):
     assert progress.warnings == "This is not a real engine."
 
 
-def test_technical_warnings_are_not_shown(bpy, addon):
+def test_technical_warnings_are_not_shown(addon):
     for code, sentence in (("convergence", "A residual is left."), ("lacking", "Nothing belongs to 'lid'.")):
         event = addon.engine_api.Event("warning", 1, 0.0, {"code": code, "sentence": sentence})
         addon.progress.show_event("Learn All", event)
@@ -142,7 +142,7 @@ def test_error_that_the_user_can_fix_has_no_report(bpy, addon, end):
 
 
 @pytest.mark.parametrize("sentence", ["crashed in the geometry job (SIG", "was removed while"])
-def test_damaged_events_are_skipped_and_missing_project_named(bpy, addon, project_scene, begin, sentence):
+def test_damaged_events_are_skipped_and_missing_project_named(addon, project_scene, begin, sentence):
     worker = begin("deaf")
     if sentence.startswith("crashed"):
         (worker.folder / "events.jsonl").write_text("".join(f"{line}\n" for line in DAMAGED))
@@ -170,7 +170,7 @@ def test_disk_error_after_a_job_is_shown(end):
     assert end("", fail).error == "/film/picture.png: No space left on device."
 
 
-def test_bug_after_a_job_is_raised_and_ends_the_task(bpy, addon, end):
+def test_bug_after_a_job_is_raised_and_ends_the_task(addon, end):
     def fail(request):
         raise ZeroDivisionError("ours")
 

@@ -13,7 +13,7 @@ import pytest
 from ...conftest import MODULE
 from . import wheels
 
-ROOM = "chores computer home installation locks plan".split()
+MODULE_NAMES = "chores computer home installation locks plan".split()
 PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
@@ -21,7 +21,7 @@ PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 def managed(addon):
     """The installer's modules by name."""
     package = f"{MODULE}.karf_blender.engine.installer"
-    modules = {name: importlib.import_module(f"{package}.{name}") for name in ROOM}
+    modules = {name: importlib.import_module(f"{package}.{name}") for name in MODULE_NAMES}
     return SimpleNamespace(**modules, api=addon.engine_api, processes=addon.processes)
 
 
@@ -39,8 +39,8 @@ def uv(monkeypatch):
     return found
 
 
-class Kitchen:
-    """Lock files of this computer and their wheels, which tests may change."""
+class Stock:
+    """Wheels with lock files for this computer, which tests may change."""
 
     def __init__(self, folder, managed):
         self.folder, self.requirements, self.locks = folder / "wheels", folder / "requirements", managed.locks
@@ -70,9 +70,9 @@ class Kitchen:
 
 
 @pytest.fixture
-def kitchen(managed, tmp_path, monkeypatch):
+def stock(managed, tmp_path, monkeypatch):
     monkeypatch.setattr(managed.locks, "FOLDER", tmp_path / "requirements")
-    yield Kitchen(tmp_path, managed)
+    yield Stock(tmp_path, managed)
     managed.locks.read.cache_clear()
 
 
@@ -83,21 +83,21 @@ def place(tmp_path):
 
 
 @pytest.fixture
-def index(kitchen):
-    served = wheels.Index(kitchen.folder)
+def index(stock):
+    served = wheels.Index(stock.folder)
     yield served
     served.close()
 
 
 @pytest.fixture
-def planned(managed, kitchen, uv, place, monkeypatch):
+def planned(managed, stock, uv, place, monkeypatch):
     """A function that plans from the folder of wheels or from an index."""
 
     def plan(index=None, extras=(), build="cuda", folder=place, starter=uv):
-        choices = managed.plan.Choices(folder, build, extras, None if index else kitchen.folder, starter)
+        choices = managed.plan.Choices(folder, build, extras, None if index else stock.folder, starter)
         if index:
             monkeypatch.setenv("UV_DEFAULT_INDEX", index.url)
-        return managed.plan.make(choices, sys.executable, True, os.environ, kitchen.here)
+        return managed.plan.make(choices, sys.executable, True, os.environ, stock.here)
 
     return plan
 

@@ -61,9 +61,9 @@ def test_cache_keeps_no_copies_on_disks_without_hard_links(managed, install, pla
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the wheel has a shell script")
-def test_missing_uv_is_installed_by_pip(kitchen, managed, install, planned, uv, place):
+def test_missing_uv_is_installed_by_pip(stock, managed, install, planned, uv, place):
     script = {"uv-0.1.data/scripts/uv": f'#!/bin/sh\nexec "{uv}" "$@"\n'}
-    kitchen.add("uv", "0.1", tag=kitchen.uv_tag, more=script)
+    stock.add("uv", "0.1", tag=stock.uv_tag, more=script)
     plan = planned(starter=sys.executable)
     assert plan.starter.uv == "" and len(plan.steps()) == 4
     assert install(plan).state == "ready"
@@ -72,13 +72,13 @@ def test_missing_uv_is_installed_by_pip(kitchen, managed, install, planned, uv, 
     assert len(planned(starter=sys.executable).steps()) == 4
 
 
-def test_build_without_hash_is_installed_by_version(kitchen, install, planned):
-    for path in kitchen.folder.glob("torch-*.whl"):
+def test_build_without_hash_is_installed_by_version(stock, install, planned):
+    for path in stock.folder.glob("torch-*.whl"):
         path.unlink()
     system = {"linux": "linux_x86_64", "windows": "win_amd64", "macos": "macosx_14_0_arm64"}
-    tag = system[kitchen.here.platform.partition("-")[0]]
+    tag = system[stock.here.platform.partition("-")[0]]
     python = f"cp{PYTHON.replace('.', '')}"
-    wheels.make(kitchen.folder, "torch", "2.0+cpu", wheels.torch("2.0+cpu"), f"{python}-{python}-{tag}")
+    wheels.make(stock.folder, "torch", "2.0+cpu", wheels.torch("2.0+cpu"), f"{python}-{python}-{tag}")
     plan = planned(build="auto")
     assert plan.unchecked == "torch 2.0 for cpu" and any("no hash of torch" in line for line in plan.sentences)
     assert install(plan).torch == "2.0+cpu"
@@ -110,7 +110,7 @@ def test_interrupted_installation_resumes_from_fetched_files(managed, install, p
 
 
 @pytest.mark.parametrize("state, fetched", [("ready", {"imageio", "scipy"}), ("outdated", {"scipy"})])
-def test_update_and_repair_fetch_only_missing_wheels(kitchen, managed, install, planned, index, place, state, fetched):
+def test_update_and_repair_fetch_only_missing_wheels(stock, managed, install, planned, index, place, state, fetched):
     install(planned(index))
     if state == "ready":
         (site(place) / "scipy" / "__init__.py").write_text("name = 'other'\n")  # the cache's file is the same
@@ -118,7 +118,7 @@ def test_update_and_repair_fetch_only_missing_wheels(kitchen, managed, install, 
         for half in place.glob("cache/archive-v*/*/imageio-*.dist-info/RECORD"):
             half.unlink()
     else:
-        kitchen.add("scipy", "1.1", "name = 'newer'\n")
+        stock.add("scipy", "1.1", "name = 'newer'\n")
     assert managed.home.status(place).state == state
     index.fetched.clear()
     plan = planned(index)
@@ -130,11 +130,11 @@ def test_update_and_repair_fetch_only_missing_wheels(kitchen, managed, install, 
 
 
 @pytest.fixture
-def outdated(kitchen, install, planned, monkeypatch):
+def outdated(stock, install, planned, monkeypatch):
     """An engine with an extra package and an update of another one."""
     assert install(planned(extras=("photos",))).extras == ("photos",)
     monkeypatch.setenv("UV_HTTP_RETRIES", "0")
-    kitchen.add("scipy", "1.1", "name = 'newer'\n")
+    stock.add("scipy", "1.1", "name = 'newer'\n")
 
 
 @pytest.mark.parametrize(
@@ -147,14 +147,14 @@ def outdated(kitchen, install, planned, monkeypatch):
         ("another build", "BadRequest", "is a cpu build, not the cuda build"),
     ],
 )
-def test_failed_update_keeps_the_engine(kitchen, managed, outdated, planned, index, place, failure, error, sentence):
+def test_failed_update_keeps_the_engine(stock, managed, outdated, planned, index, place, failure, error, sentence):
     python = managed.home.python_in(place)
     if failure == "another file":
-        wheels.make(kitchen.folder, "scipy", "1.1", "name = 'shady'\n")
+        wheels.make(stock.folder, "scipy", "1.1", "name = 'shady'\n")
     elif failure == "does not load":
-        kitchen.add("scipy", "1.2", "raise ImportError('no BLAS on this computer')\n")
+        stock.add("scipy", "1.2", "raise ImportError('no BLAS on this computer')\n")
     elif failure == "another build":
-        kitchen.add("torch", "2.0", wheels.torch("2.0"))
+        stock.add("torch", "2.0", wheels.torch("2.0"))
     plan = planned(index if failure == "no network" else None)
     index.close()
     work = begin(managed, plan, "Making the environment")

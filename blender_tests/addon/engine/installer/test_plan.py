@@ -134,18 +134,18 @@ def test_long_paths_are_warned_of_only_on_windows(plan, tmp_path):
     assert not any("long paths" in line for line in plan(MAC, ("mps",), folder=deep).sentences)
 
 
-def test_missing_and_incomplete_wheels_are_named(managed, kitchen, planned):
-    half = next(kitchen.folder.glob("numpy-*"))
+def test_missing_and_incomplete_wheels_are_named(managed, stock, planned):
+    half = next(stock.folder.glob("numpy-*"))
     whole = half.read_bytes()
     half.write_bytes(whole[:100])
     with pytest.raises(managed.api.DataError, match=r"numpy-1\.0-py3-none-any\.whl has 100 bytes in place of"):
         planned()
     half.write_bytes(whole)
-    for path in [*kitchen.folder.glob("scipy-*"), *kitchen.folder.glob("pillow-*")]:
+    for path in [*stock.folder.glob("scipy-*"), *stock.folder.glob("pillow-*")]:
         path.unlink()
     with pytest.raises(managed.api.DataError, match=r"lacks 2 of 10 files: scipy-1\.0.*whl, pillow-1\.0.*whl\."):
         planned()
-    next(kitchen.folder.glob("torch-*")).unlink()
+    next(stock.folder.glob("torch-*")).unlink()
     with pytest.raises(managed.api.DataError, match=r"lacks 3 of 10 files: .*torch-2\.0"):
         planned()
 
