@@ -74,7 +74,7 @@ def addon(bpy, monkeypatch):
 
 @pytest.fixture
 def preferences(addon):
-    """The extension's preferences, with no engine and no threads chosen before and after the test."""
+    """The extension's preferences, with engine and threads reset after the test."""
     addon.probing.cancel()
     yield addon.preferences.current()
     preferences = addon.preferences.current()  # a test may have loaded others
