@@ -83,11 +83,11 @@ class Layout:
 class Properties:
     """An operator's properties as the layout returns them."""
 
-    def __init__(self, known):
-        object.__setattr__(self, "known", known)
+    def __init__(self, names):
+        object.__setattr__(self, "names", names)
 
     def __setattr__(self, name, value):
-        assert name in self.known
+        assert name in self.names
 
 
 def drawn_preferences(bpy, preferences):

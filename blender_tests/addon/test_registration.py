@@ -28,13 +28,13 @@ def held_items(bpy, addon):
     """Everything that Blender or the session holds of the extension, in words."""
     from bl_ui.space_toolsystem_toolbar import IMAGE_PT_tools_active
 
-    known = addon.session._session
+    session = addon.session._session
     keymaps = bpy.context.window_manager.keyconfigs.addon
     keys = [item for keymap in keymaps.keymaps for item in keymap.keymap_items] if keymaps else []
     return [
         *remains(MODULE),
-        *(f"state {kind.__name__}" for kind in known.states),
-        *(f"timer {timer}" for timer in known.timers),
+        *(f"state {kind.__name__}" for kind in session.states),
+        *(f"timer {timer}" for timer in session.timers),
         *(f"tool {name}" for name in re.findall(r"karf\.\w+", str(IMAGE_PT_tools_active._tools))),
         *(f"key {item.type} of {item.idname}" for item in keys if item.idname.startswith("karf")),
         *(["translations"] if bpy.app.translations.pgettext_iface("Merge", "KaRF") != "Merge" else []),

@@ -27,23 +27,23 @@ def levels(text):
     return [float(each) for color in text.split() for each in bytes.fromhex(color.removeprefix("#"))]
 
 
-def compare(found, wanted, place="", tolerance=TOLERANCE):
-    """Assert that all wanted values are found, up to rounding; more may be there."""
-    if isinstance(wanted, dict):
-        gone = wanted.keys() - found.keys() - FORGOTTEN
+def compare(found, expected, place="", tolerance=TOLERANCE):
+    """Assert that all expected values are found, up to rounding; more may be there."""
+    if isinstance(expected, dict):
+        gone = expected.keys() - found.keys() - FORGOTTEN
         assert not gone, f"{place}: {sorted(gone)} are gone"
-        for name in wanted.keys() & found.keys():
-            compare(found[name], wanted[name], f"{place}.{name}", tolerance)
-    elif isinstance(wanted, list):
-        assert len(found) == len(wanted), place
-        for number, value in enumerate(wanted):
+        for name in expected.keys() & found.keys():
+            compare(found[name], expected[name], f"{place}.{name}", tolerance)
+    elif isinstance(expected, list):
+        assert len(found) == len(expected), place
+        for number, value in enumerate(expected):
             compare(found[number], value, f"{place}[{number}]", tolerance)
-    elif isinstance(wanted, str) and wanted.startswith("#"):
-        compare(levels(found), levels(wanted), place, tolerance=1.0)
-    elif isinstance(wanted, float):
-        assert found == pytest.approx(wanted, abs=tolerance), place
+    elif isinstance(expected, str) and expected.startswith("#"):
+        compare(levels(found), levels(expected), place, tolerance=1.0)
+    elif isinstance(expected, float):
+        assert found == pytest.approx(expected, abs=tolerance), place
     else:
-        assert found == wanted, place
+        assert found == expected, place
 
 
 def assert_trial(bpy, saved, trial, folder):
@@ -51,8 +51,8 @@ def assert_trial(bpy, saved, trial, folder):
     values, picture = run_trial(bpy, saved / "scene.blend", trial, folder)
     tolerance = CHANGED.get(trial, TOLERANCE)
     compare(values, json.loads((saved / "expected.json").read_text())["trials"][trial], trial, tolerance)
-    wanted = np.load(saved / "pictures.npz")[trial.replace(" ", "_")]
-    assert np.abs(picture.astype(int) - wanted).max() <= max(1, 255 * tolerance)
+    expected = np.load(saved / "pictures.npz")[trial.replace(" ", "_")]
+    assert np.abs(picture.astype(int) - expected).max() <= max(1, 255 * tolerance)
 
 
 @pytest.mark.parametrize("saved", SAVED, indirect=True)

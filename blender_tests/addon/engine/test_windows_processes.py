@@ -12,16 +12,16 @@ NO_WINDOW, NEW_GROUP = 0x08000000, 0x00000200  # as Windows has them
 @pytest.fixture
 def windows(addon, monkeypatch):
     """Windows as the module sees it; records the options of started processes and the commands run."""
-    seen = SimpleNamespace(started=[], run=[])
+    calls = SimpleNamespace(started=[], run=[])
     subprocess = SimpleNamespace(
         CREATE_NO_WINDOW=NO_WINDOW,
         CREATE_NEW_PROCESS_GROUP=NEW_GROUP,
-        Popen=lambda command, **options: seen.started.append(options),
-        run=lambda command, **options: seen.run.append((command, options["creationflags"])),
+        Popen=lambda command, **options: calls.started.append(options),
+        run=lambda command, **options: calls.run.append((command, options["creationflags"])),
     )
     monkeypatch.setattr(addon.processes, "os", SimpleNamespace(name="nt", environ=dict(os.environ)))
     monkeypatch.setattr(addon.processes, "subprocess", subprocess)
-    return seen
+    return calls
 
 
 def test_child_opens_no_console_and_leads_a_group(addon, windows):

@@ -101,9 +101,9 @@ def test_engine_does_not_inherit_blenders_variables(begin, monkeypatch):
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
     worker = begin("environment")
     wait(worker)
-    seen = json.loads((worker.folder / "environment.json").read_text())
-    assert "PYTHONPATH" not in seen and "LD_LIBRARY_PATH" not in seen
-    assert seen["CUDA_VISIBLE_DEVICES"] == "1"
+    environment = json.loads((worker.folder / "environment.json").read_text())
+    assert "PYTHONPATH" not in environment and "LD_LIBRARY_PATH" not in environment
+    assert environment["CUDA_VISIBLE_DEVICES"] == "1"
 
 
 @pytest.fixture

@@ -83,20 +83,20 @@ def misbehave(how, emit):
 
 def answer_queries(job, emit):
     for line in sys.stdin:
-        asked = decode_line(line)
-        behave = asked.options.get("behave", "")
+        query = decode_line(line)
+        behave = query.options.get("behave", "")
         if behave == "crash":
             os.abort()
         elif behave == "idle":  # exits just when a query comes
             break
         elif behave == "refuse":
-            emit("refused", id=asked.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
+            emit("refused", id=query.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
         elif behave == "busy":
             time.sleep(60)
         elif behave == "drop":
-            emit("dropped", id=asked.number)
+            emit("dropped", id=query.number)
         else:
-            emit("answer", id=asked.number, **QUERIES[asked.kind](job, asked.options))
+            emit("answer", id=query.number, **QUERIES[query.kind](job, query.options))
     emit("done")
     return 0
 
@@ -156,8 +156,8 @@ def show(job, options):
         "seen": np.full((height, width), 0.75 if options["unseen"] == "faded" else 0.25),
     }
     metadata = {"cryptomatte/1234567/name": options.get("cryptomatte", "")}
-    asked = {name: arrays[name] for name in options.get("passes", ["color"])}
-    return write_arrays(job, asked) | {"size": [width, height], "metadata": metadata, "seconds": 0.01}
+    passes = {name: arrays[name] for name in options.get("passes", ["color"])}
+    return write_arrays(job, passes) | {"size": [width, height], "metadata": metadata, "seconds": 0.01}
 
 
 def harmonics(job, options):

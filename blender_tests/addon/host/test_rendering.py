@@ -61,11 +61,11 @@ def test_no_pixels_are_written_during_an_animation(bpy, addon, film, shown, whil
 
 
 def test_swatch_changed_while_rendering_is_followed_afterwards(bpy, film, shown, while_rendering):
-    before, seen = shown(), []
+    before, pictures = shown(), []
     while_rendering.append(lambda: setattr(film.karf.objects["lid"].swatches[1], "color", (0, 0, 0)))
-    while_rendering.append(lambda: seen.append(shown()))
+    while_rendering.append(lambda: pictures.append(shown()))
     bpy.ops.render.render()
-    assert len(seen) == 1 and np.array_equal(seen[0], before)
+    assert len(pictures) == 1 and np.array_equal(pictures[0], before)
     assert np.abs(shown() - before).max() > 10
 
 

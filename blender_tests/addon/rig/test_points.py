@@ -77,13 +77,13 @@ def test_errors_refer_to_the_stored_photo_even_without_points(addon, scene, colm
 
 def test_overlay_draws_points_where_the_pinhole_shows_them(addon, imported):
     addon.steps.look_through(imported, "p1")
-    known = addon.reprojection.of_camera(imported, imported.camera)
-    assert known.view == "p1" and known.summary.count == 40
+    overlay = addon.reprojection.of_camera(imported, imported.camera)
+    assert overlay.view == "p1" and overlay.summary.count == 40
     camera = addon.captures.view_of(imported, "p1").camera
-    projected, seen = (camera.project(places)[0] for places in (known.places[::2], known.places[1::2]))
+    projected, seen = (camera.project(places)[0] for places in (overlay.places[::2], overlay.places[1::2]))
     off = addon.engine_api.distort(camera, seen) - addon.engine_api.distort(camera, projected)
     np.testing.assert_allclose(off, np.broadcast_to([3.0, 0.0], (40, 2)), atol=0.01)
-    assert (known.colors[:, 0] > known.colors[:, 1]).all()  # 3 of 4 pixels: nearer to red than to green
+    assert (overlay.colors[:, 0] > overlay.colors[:, 1]).all()  # 3 of 4 pixels: nearer to red than to green
 
 
 def test_errors_are_those_of_the_camera_looked_through(bpy, addon, imported, reopen):

@@ -59,7 +59,7 @@ def test_files_left_by_a_crashed_blender_are_removed(addon, project_scene, query
 )
 def test_dead_worker_is_replaced(addon, query, jobs, monkeypatch, behave, error, sentence, stays, n_workers, n_logs):
     started, begin_job = [], addon.queries.begin_job
-    monkeypatch.setattr(addon.queries, "begin_job", lambda *given: (started.append(given), begin_job(*given)))
+    monkeypatch.setattr(addon.queries, "begin_job", lambda *args: (started.append(args), begin_job(*args)))
     pid = query()["pid"]
     with pytest.raises(getattr(addon.engine_api, error), match=sentence):
         query(behave=behave)
@@ -102,36 +102,36 @@ def timers(bpy, addon, monkeypatch):
 @pytest.fixture
 def send(addon, project_scene, timers):
     """A function that sends a query and returns the answers and errors so far."""
-    heard = SimpleNamespace(answers=[], errors=[])
+    results = SimpleNamespace(answers=[], errors=[])
 
-    def send(on_answer=lambda scene, values: heard.answers.append(values), **options):
-        addon.queries.send(project_scene, "echo", options, on_answer, heard.errors.append)
-        return heard
+    def send(on_answer=lambda scene, values: results.answers.append(values), **options):
+        addon.queries.send(project_scene, "echo", options, on_answer, results.errors.append)
+        return results
 
     return send
 
 
 def test_query_returns_at_once_and_is_answered_by_timer(addon, send, timers):
-    heard = send()
-    assert heard.answers == [] and addon.queries.is_waiting("echo") and timers == [addon.queries._poll]
+    results = send()
+    assert results.answers == [] and addon.queries.is_waiting("echo") and timers == [addon.queries._poll]
     run_to_end(addon.queries._poll)
-    assert len(heard.answers) == 1 and not addon.queries.is_waiting("echo")
+    assert len(results.answers) == 1 and not addon.queries.is_waiting("echo")
 
 
 def test_later_query_replaces_a_waiting_one_of_its_kind(addon, send):
     for number in range(50):
-        heard = send(n=number)
+        results = send(n=number)
     run_to_end(addon.queries._poll)
-    assert [values["options"]["n"] for values in heard.answers] == [49] and heard.errors == []
+    assert [values["options"]["n"] for values in results.answers] == [49] and results.errors == []
 
 
 @pytest.mark.parametrize("lost", ["dropped by the engine", "of another project"])
 def test_dropped_query_calls_no_callback(addon, project_scene, send, tmp_path, lost):
-    heard = send(behave="drop" if lost == "dropped by the engine" else "")
+    results = send(behave="drop" if lost == "dropped by the engine" else "")
     if lost == "of another project":
         project_scene.karf.project = str(tmp_path / "elsewhere")
     run_to_end(addon.queries._poll)
-    assert heard.answers == heard.errors == []
+    assert results.answers == results.errors == []
 
 
 def test_unhandled_error_is_shown_in_the_panel(bpy, addon, project_scene, timers):
@@ -148,9 +148,9 @@ def test_callback_error_is_reported_and_later_answers_arrive(addon, send, senten
             raise OSError(errno.ENOSPC, "No space left on device", "mask.png")
         raise addon.engine_api.DataError(sentence, "Try again.")
 
-    heard = send(fail)
+    results = send(fail)
     run_to_end(addon.queries._poll)
-    assert [error.sentence for error in heard.errors] == [sentence]
+    assert [error.sentence for error in results.errors] == [sentence]
     send()
     run_to_end(addon.queries._poll)
-    assert len(heard.answers) == 1
+    assert len(results.answers) == 1

@@ -21,8 +21,8 @@ def plan(managed, tmp_path, monkeypatch):
 
     def make(platform=LINUX, devices=(), is_online=True, variables=None, **choices):
         here = managed.computer.Machine(platform, devices)
-        wanted = managed.plan.Choices(**{"folder": tmp_path / "my engine", **choices})
-        return managed.plan.make(wanted, sys.executable, is_online, variables or {"PATH": ""}, here)
+        chosen = managed.plan.Choices(**{"folder": tmp_path / "my engine", **choices})
+        return managed.plan.make(chosen, sys.executable, is_online, variables or {"PATH": ""}, here)
 
     return make
 
