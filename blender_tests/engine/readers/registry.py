@@ -1,9 +1,10 @@
-"""The registry of readers: what is valid, which file is changed, how, and how the engine reads it."""
+"""The registry of readers: how to make valid files, mutate them, and read them with the engine."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -39,21 +40,21 @@ from tools.convert_bmild import read_bmild
 
 @dataclass(frozen=True)
 class Reader:
-    """How the engine reads files of one kind."""
+    """How the engine reads one kind of file."""
 
-    name: str  # as tests are called
+    name: str  # the test id
     make: Callable[[Path], None]  # writes valid files into an empty folder
-    files: tuple[str, ...]  # those that are changed
+    files: tuple[str, ...]  # the ones to mutate
     mutation: mutations.Mutation
-    read: Callable[[Path], object]  # of a changed file, in whose folder it may write
-    share: int = 1  # it gets so many times fewer mutants, as it takes long
+    read: Callable[[Path], object]  # reads a mutated file; may write in its folder
+    share: int = 1  # divides the number of mutants, for slow readers
 
 
-STARTS = 3  # the share of those that start a process
+STARTS = 3  # share of readers that start a process
 
 
 def capture(path: Path) -> None:
-    """Open the capture that the file belongs to, as the geometry stage does; COLMAP's lie in sparse/0."""
+    """Open the capture of this file as the geometry stage does; COLMAP's files lie in sparse/0."""
     folder = path.parents[2] if path.parent.name == "0" else path.parent
     json.dumps(capture_to_json(open_capture(folder)))
 
@@ -63,10 +64,8 @@ def canonical_capture(path: Path) -> None:
 
 
 def photo(path: Path) -> None:
-    try:
+    with suppress(KarfError):  # the picture may be readable without a valid header
         image_header(path)
-    except KarfError:
-        pass  # the picture itself may still be of a kind that is known
     read_photo(path)
 
 
@@ -81,7 +80,7 @@ def state(path: Path) -> None:
 
 
 def learned(path: Path) -> None:
-    """Load all that a render needs."""
+    """Load everything that a render needs."""
     model = karf.load(project_of(path).folder, "cpu")
     model.capture.split("test")
     if model.palettes:
@@ -94,7 +93,7 @@ def surface(path: Path) -> None:
 
 
 def masked_views(path: Path) -> None:
-    """What the recoloring stage learns from in the views that have a mask, which the report names."""
+    """Load the recoloring stage's training rays of the views with a mask, which the report names."""
     options = RenderOptions(project=project_of(path).folder, threads=1)
     job = open_job(options, lambda kind, /, **values: None, lambda: False)
     settings = replace(job.settings, recoloring=replace(job.settings.recoloring, supervision="reference"))
@@ -109,13 +108,12 @@ def read_events(path: Path) -> None:
 
 
 def project_of(path: Path) -> Project:
-    """Return the project of one of its files."""
-    is_result = path.parent.parent.name == "results"
-    return Project(path.parents[2] if is_result else path.parent)
+    """The project that a file belongs to."""
+    return Project(path.parents[2] if path.parents[1].name == "results" else path.parent)
 
 
 def readers() -> list[Reader]:
-    """All readers but those of a project's files."""
+    """All readers except those of a project's files."""
     json_files = [
         ("NeRF-synthetic", samples.nerf_synthetic, "transforms_train.json", capture),
         ("transforms.json", samples.transforms, "transforms.json", capture),
@@ -171,7 +169,7 @@ def readers() -> list[Reader]:
 
 
 def project_readers(project: Path | None) -> list[Reader]:
-    """Readers of the files of a learned project with planes and an edit, which is copied. None: only names are wanted."""
+    """Readers of the files of a copy of a learned project with planes and an edit; None gives names only."""
     make = samples.project(project)
 
     def colors_of_ball(path: Path) -> None:

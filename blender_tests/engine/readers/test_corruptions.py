@@ -1,4 +1,4 @@
-"""The table of corruptions: what is done to a reader's valid file, and the sentence that it ends in."""
+"""Corruptions of valid files, and the error message that each must give."""
 
 import io
 import json
@@ -20,7 +20,7 @@ from karf_engine.errors import DataError
 READERS = {reader.name: reader for reader in readers()}
 
 
-# ------------------------------------------------------------------------------------------------------ what can be done
+# ---------------------------------------------------------------------------------------------------------- corruptions
 def content(data):
     return lambda path: path.write_bytes(data)
 
@@ -34,12 +34,12 @@ def cut(share):
 
 
 def beside(name, change):
-    """The change of another file, whose path is given from the reader's own."""
+    """Change another file, given by its path relative to the reader's own."""
     return lambda path: change(path.parent / name)
 
 
 def of_sample(name, change):
-    """The change of another valid file, in place of this one."""
+    """Put another valid file in place of this one, and change it."""
 
     def replace(path):
         path.with_name(name).replace(path)
@@ -49,7 +49,7 @@ def of_sample(name, change):
 
 
 def in_place(make):
-    """Something that is no file, in place of it."""
+    """Put something that is not a file in its place."""
 
     def change(path):
         path.unlink()
@@ -92,7 +92,7 @@ def camera(**values):
 
 
 def model(function):
-    """Write a table of COLMAP again, after a change of the model that all three were written from."""
+    """Write COLMAP's tables again after a change of their model."""
 
     def change(path):
         whole = ColmapModel(cameras(4, 8), NAMES)
@@ -127,7 +127,7 @@ def point(**values):
 
 
 def array(function):
-    """Write an array again that a function has changed in place, or another one."""
+    """Write an array again after a function changed it in place or returned another one."""
 
     def change(path):
         table = np.load(path)
@@ -162,8 +162,8 @@ NO_FILE = ", not a file"
 IN_PLACE = [in_place(make) for make in NO_FILES]
 PLY = b"ply\nformat ascii 1.0\nelement vertex %d\nproperty float x\nproperty float y\nproperty %s z\nend_header\n"
 
-# a row: words of the sentence, and all that is done to the reader's first file to get it; another file than that one is
-# named before " … ", and nothing before it names the capture's folder alone
+# A row: words of the message, and the changes of the reader's first file that each must give it. The message must name
+# this file, or instead the words before " … " where the row has them; with nothing before it, only the folder.
 TABLE = {
     **{
         f"{table}.bin": [
@@ -335,7 +335,7 @@ ROWS = [(name, words, change) for name, rows in TABLE.items() for words, *change
 
 
 def corrupt(folder, name, change):
-    """The changed file of a reader."""
+    """Make the reader's valid files and change the first."""
     READERS[name].make(folder)
     path = folder / READERS[name].files[0]
     change(path)
@@ -343,7 +343,7 @@ def corrupt(folder, name, change):
 
 
 @pytest.mark.parametrize(("name", "words", "change"), ROWS, ids=[f"{name}: {words}" for name, words, _ in ROWS])
-def test_a_corrupted_file_ends_in_one_sentence_that_names_it_and_a_remedy(tmp_path, name, words, change):
+def test_corrupted_file_is_rejected_with_its_name_and_a_remedy(tmp_path, name, words, change):
     path = corrupt(tmp_path, name, change)
     with pytest.raises(DataError) as caught:
         READERS[name].read(path)
@@ -355,7 +355,7 @@ def test_a_corrupted_file_ends_in_one_sentence_that_names_it_and_a_remedy(tmp_pa
 
 
 @pytest.mark.parametrize("name", ["images.bin", "LLFF", "transforms.json"])
-def test_the_command_line_ends_with_four_and_leaves_nothing(tmp_path, capsys, name):
+def test_failing_geometry_command_exits_with_four_and_leaves_nothing(tmp_path, capsys, name):
     capture, project = tmp_path / "capture", tmp_path / "project"
     capture.mkdir()
     words, change = TABLE[name][0][:2]
