@@ -188,7 +188,7 @@ def test_photos_nearest_to_the_model_are_used(tmp_path):
     assert open_capture(tmp_path).views[0].image == tmp_path / "dense" / "images" / NAMES[0]
 
 
-def test_missing_and_unposed_photos_are_counted_and_points_keep_their_views(tmp_path):
+def test_missing_and_unposed_photos_are_skipped_with_warnings(tmp_path):
     write_colmap(tmp_path, CAMERAS, NAMES)
     complete = open_capture(tmp_path)
     (tmp_path / "images" / NAMES[0]).unlink()

@@ -105,7 +105,7 @@ def test_cameras_can_be_read_without_photos(tmp_path, name):
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_canonical_json_keeps_every_lens_and_finds_splats_in_a_moved_folder(tmp_path, lens):
+def test_canonical_json_keeps_lenses_and_splats_when_moved(tmp_path, lens):
     then, now = tmp_path / "then", tmp_path / "now"
     splats = CapturedSplats(put(then / "splat.ply", b"ply"), True)
     cameras = random_rig(5, 3, *LENSES[lens])

@@ -79,7 +79,7 @@ def test_splat_camera_looks_along_its_third_column_with_y_down(tmp_path):
 
 
 @pytest.mark.parametrize("folder", [".", "point_cloud", "point_cloud/iteration_30000"])
-def test_camera_files_beside_or_above_a_splat_are_found_nearest_first(tmp_path, folder):
+def test_nearest_camera_files_of_a_splat_come_first(tmp_path, folder):
     above, near = tmp_path / "cameras.json", tmp_path / folder / "cameras.json"
     near.parent.mkdir(parents=True, exist_ok=True)
     above.write_text("[]")

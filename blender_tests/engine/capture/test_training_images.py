@@ -47,7 +47,7 @@ def test_camera_shrinks_with_its_photo(tmp_path):
     assert (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy) == (9, 6, 10, 11, 4.5, 3)
 
 
-def test_shrunken_photo_is_undistorted_with_detail_and_a_valid_mask(tmp_path):
+def test_shrunken_photo_is_undistorted_with_full_detail(tmp_path):
     camera = Camera(640, 480, 420.0, 410.0, 332.0, 230.0, np.eye(4), (0.12, 0.05, 0.011, -0.0095))
     smooth = cv2.GaussianBlur(np.random.default_rng(10).random((480, 640, 3)), (0, 0), 4)
     pixels = np.uint8(255 * (smooth - smooth.min()) / np.ptp(smooth))

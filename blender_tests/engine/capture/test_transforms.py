@@ -85,7 +85,7 @@ def test_written_cameras_are_read_back_without_loss(tmp_path_factory, seed):
         assert replace(after.camera, camera_to_world=np.eye(4)) == replace(before.camera, camera_to_world=np.eye(4))
 
 
-def test_nerf_synthetic_splits_are_kept_and_equal_stems_get_distinct_names(tmp_path):
+def test_nerf_synthetic_keeps_splits_and_makes_names_unique(tmp_path):
     for split, count in (("train", 3), ("val", 2), ("test", 2)):
         write_captured(tmp_path, f"transforms_{split}.json", [f"./{split}/r_{i}" for i in range(count)], (20, 10))
     capture = open_capture(tmp_path)
@@ -181,7 +181,7 @@ def test_rotated_photos_keep_the_orientation_of_their_camera(tmp_path, declared,
     assert (camera.width, camera.height, camera.fx, camera.fy) == (*expected, 50, 50) and capture.warnings == ()
 
 
-def test_uniform_scale_of_the_rotation_is_removed_with_a_warning(open_one):
+def test_scaled_rotation_is_normalized_with_a_warning(open_one):
     pose = [[0, -2, 0, 7], [2, 0, 0, 8], [0, 0, 2, 9]]
     capture = open_one({"fl_x": 4, "frames": frames("a.png", transform_matrix=pose)})
     assert_allclose(capture.views[0].camera.camera_to_world, [[0, -1, 0, 7], [1, 0, 0, 8], [0, 0, 1, 9], [0, 0, 0, 1]])

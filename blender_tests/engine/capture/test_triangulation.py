@@ -24,7 +24,7 @@ def quiet(should_stop=lambda: False):
     return Progress(lambda *_, **__: None, should_stop, "points", 1)
 
 
-def test_demo_points_lie_on_its_objects_and_project_where_they_were_seen(training_images):
+def test_demo_points_lie_on_objects_and_reproject_accurately(training_images):
     points = triangulate(training_images, 1, quiet())
     assert len(points) > 60
     assert np.median(points.errors) < 1.5

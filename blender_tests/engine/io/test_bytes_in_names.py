@@ -104,6 +104,6 @@ def configuration(path):
 
 
 @pytest.mark.parametrize(("work", "name"), [(usd, "a.usda"), (usd, "a.usdc"), (configuration, "config.ocio")])
-def test_library_limited_to_unicode_names_the_path_and_a_remedy(folder, work, name):
+def test_unicode_only_library_error_names_the_path_and_a_remedy(folder, work, name):
     with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translate_errors():
         work(folder / name)

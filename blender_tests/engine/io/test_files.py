@@ -68,7 +68,7 @@ def test_read_only_file_is_not_overwritten(path):
 
 
 @POSIX
-def test_overwritten_file_keeps_its_mode_and_its_folder_is_flushed(path, monkeypatch):
+def test_overwriting_keeps_the_mode_and_flushes_the_folder(path, monkeypatch):
     flushed = []
     monkeypatch.setattr(os, "fsync", lambda handle: flushed.append(Path(f"/proc/self/fd/{handle}").readlink()))
     path.chmod(0o640)
@@ -111,7 +111,7 @@ def test_links_within_the_folder_are_followed_except_cycles(project, tmp_path):
 
 
 @LINKS
-def test_tree_is_rejected_for_links_that_leave_it_but_not_for_dangling_ones(project):
+def test_tree_with_a_link_that_leaves_it_is_rejected(project):
     (project / "masks" / ".tmp.sync").symlink_to("nowhere")
     assert check_tree(project, project / "masks") == project / "masks"
     (project / "masks" / "pot" / "r_0.png").symlink_to(project.parent / "secret.txt")

@@ -113,7 +113,7 @@ def without_locks(number, patch=setattr):
 
 
 @pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS])
-def test_lease_is_used_where_locks_are_unsupported_and_expires_in_a_copy(number, tmp_path, monkeypatch):
+def test_lease_replaces_unsupported_locks_and_expires_in_a_copy(number, tmp_path, monkeypatch):
     without_locks(number, monkeypatch.setattr)
     held = acquire(tmp_path / "lock")
     assert isinstance(held, SoftFileLease)

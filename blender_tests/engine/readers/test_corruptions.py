@@ -1,6 +1,5 @@
 """Corruptions of valid files, and the error message that each must give."""
 
-import io
 import json
 import math
 import struct
@@ -20,7 +19,6 @@ from karf_engine.errors import DataError
 READERS = {reader.name: reader for reader in readers()}
 
 
-# ---------------------------------------------------------------------------------------------------------- corruptions
 def content(data):
     return lambda path: path.write_bytes(data)
 
@@ -48,16 +46,6 @@ def of_sample(name, change):
     return replace
 
 
-def in_place(make):
-    """Put something that is not a file in its place."""
-
-    def change(path):
-        path.unlink()
-        make(path)
-
-    return change
-
-
 def in_json(function):
     def change(path):
         value = json.loads(path.read_text())
@@ -66,12 +54,8 @@ def in_json(function):
     return change
 
 
-def fields(**values):
-    return in_json(lambda value: value.update(values))
-
-
-def without(*keys, **values):
-    return in_json(lambda value: {key: kept for key, kept in value.items() if key not in keys} | values)
+def fields(*removed, **values):
+    return in_json(lambda value: {key: kept for key, kept in value.items() if key not in removed} | values)
 
 
 def frame(**values):
@@ -142,16 +126,13 @@ def number(row, column, value):
 
 
 def npy(value):
-    stream = io.BytesIO()
-    np.save(stream, value)
-    return content(stream.getvalue())
+    return lambda path: np.save(path, value)
 
 
-# ------------------------------------------------------------------------------------------------------------- the table
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:1ce8274457\nsize 421531\n"
 HUGE = struct.pack("<Q", 2**60)
 POSE = np.eye(4).tolist()
-IMAGE = struct.pack("<QI7dI", 1, 1, 1, 0, 0, 0, 0, 0, 0, 7)  # without its name
+IMAGE = struct.pack("<QI7dI", 1, 1, 1, 0, 0, 0, 0, 0, 0, 7)  # fields its name
 OTHER_NAMES = [{"file_path": name, "transform_matrix": POSE} for name in ("b.png", "c.png")]
 EMPTY_SEGMENTS = [b"\xff\xd8\xff\xe0" + length + bytes(50) for length in (b"\0\0", b"\0\1")]  # of a JPEG
 NO_HEADER = "no complete PNG, JPEG, WebP, TIFF, BMP or EXR header"
@@ -159,7 +140,7 @@ NO_PICTURE = "cannot be read as a picture"
 NO_ARRAY = "not a complete array"
 NO_POSE = "not a rotation and position"
 NO_FILE = ", not a file"
-IN_PLACE = [in_place(make) for make in NO_FILES]
+IN_PLACE = [lambda path, make=make: (path.unlink(), make(path)) for make in NO_FILES]
 PLY = b"ply\nformat ascii 1.0\nelement vertex %d\nproperty float x\nproperty float y\nproperty %s z\nend_header\n"
 
 # A row: words of the message, and the changes of the reader's first file that each must give it. The message must name
@@ -206,7 +187,7 @@ TABLE = {
     ],
     "NeX": [
         ("holds 5 numbers", npy(np.ones(5))),
-        ("poses_bounds.npy … 14 columns, poses without focal lengths, and no hwf_cxcy.npy lies beside it", Path.unlink),
+        ("poses_bounds.npy … 14 columns, poses fields focal lengths, and no hwf_cxcy.npy lies beside it", Path.unlink),
         ("poses_bounds.npy … principal point", npy(np.array([6, 8, 5, 5, math.nan, 3]))),
     ],
     "transforms.json": [
@@ -216,11 +197,11 @@ TABLE = {
         ("cannot be read", content(b'{"fl_x": ' + b"9" * 10_000 + b"}")),
         ("JSON list", in_json(lambda value: [value])),
         ("JSON int", content(b"7")),
-        ("no list of frames", without("frames"), frames(), fields(frames={"a": 1}), fields(frames="all")),
+        ("no list of frames", fields("frames"), frames(), fields(frames={"a": 1}), fields(frames="all")),
         ("frame 0 has no file_path", frames("a.png"), frames({"transform_matrix": POSE}), frame(file_path="")),
         ("frame 1 has no file_path", in_json(lambda value: value["frames"].__setitem__(1, []))),
-        ("neither fl_x nor camera_angle_x", without("fl_x", "fl_y")),
-        ("camera_angle_x = 50", without("fl_x", camera_angle_x=50)),
+        ("neither fl_x nor camera_angle_x", fields("fl_x", "fl_y")),
+        ("camera_angle_x = 50", fields("fl_x", camera_angle_x=50)),
         ("fl_x = 'wide'", fields(fl_x="wide")),
         ("fl_x = nan", fields(fl_x=math.nan)),
         ("must be positive", fields(fl_x=-4)),
@@ -244,7 +225,7 @@ TABLE = {
         ("points.ply … cut off", beside("points.ply", cut(0.97))),
         (f"{NAMES[0]} … Git-LFS pointer", beside(f"images/{NAMES[0]}", content(POINTER))),
     ],
-    "camera file": [("declares no picture size", without("w"))],
+    "camera file": [("declares no picture size", fields("w"))],
     "cameras of a splat": [
         ("", content(b"{}"), content(b"[]"), content(b"["), content(b'"x"'), content(b"[1]")),
         ("camera 1", camera(rotation=[[1, 0], [0, 1]]), camera(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, math.nan]])),

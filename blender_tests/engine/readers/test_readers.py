@@ -29,7 +29,7 @@ class Mutant:
 
 
 @pytest.mark.parametrize("name", [*READERS, *OF_PROJECT])
-def test_valid_files_are_read_and_mutated_ones_are_read_or_rejected(name, tmp_path, request):
+def test_mutated_files_are_read_or_rejected(name, tmp_path, request):
     """A file that breaks a reader is left in the folder."""
     if name in OF_PROJECT:
         reader = project_readers(request.getfixturevalue("project"))[OF_PROJECT.index(name)]
@@ -49,7 +49,7 @@ def test_valid_files_are_read_and_mutated_ones_are_read_or_rejected(name, tmp_pa
     @settings(max_examples=max(2, number), deadline=None, derandomize=mutants is None, database=None,
               suppress_health_check=HealthCheck)  # fmt: skip
     @given(files)
-    def mutated_files_are_read_or_rejected(changed):
+    def check(changed):
         for file, data in valid.items():
             (tmp_path / file).write_bytes(data)
         path = tmp_path / changed.name
@@ -57,7 +57,7 @@ def test_valid_files_are_read_and_mutated_ones_are_read_or_rejected(name, tmp_pa
         renew_checksum(tmp_path, path)  # a hostile project may have valid checksums
         event("read" if read_watched(reader.read, path, tmp_path) else "rejected with a message")
 
-    mutated_files_are_read_or_rejected()
+    check()
 
 
 def write_outside(path):

@@ -120,7 +120,7 @@ def test_result_depends_on_seed_but_not_on_core_count():
     assert (fitted(PHOTOS, 12, seed=1).gaussians.table != found[0]).any()
 
 
-def test_each_epoch_shows_all_photos_with_half_size_first_and_pseudo_photos_between(monkeypatch):
+def test_epochs_start_at_half_size_and_include_pseudo_photos(monkeypatch):
     shown = photos_shown(monkeypatch, PHOTOS, 18)
     rounds = [[place(photo.camera) for photo in shown[first : first + 6]] for first in (0, 6, 12)]
     assert all(sorted(each) == sorted(map(place, CAMERAS)) for each in rounds)
@@ -214,7 +214,7 @@ def test_cutouts_and_pseudo_photos_keep_unit_gains(monkeypatch):
     assert_allclose(fitted(PHOTOS, 36, TRUTH, pseudo_photos=darker).gains, ONES, atol=0.01)
 
 
-def test_gains_ignore_clipped_pixels_and_shrink_to_one_within_noise():
+def test_gains_ignore_clipped_pixels_and_noise():
     shown = np.float32([[0.4, 0.4, 0.4], [0.9, 0.9, 0.9]])
     photo = np.minimum(shown * 1.5, 1)
     exposures, without, black = (Exposures(1) for _ in range(3))

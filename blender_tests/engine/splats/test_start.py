@@ -138,7 +138,7 @@ def test_pseudo_cameras_need_wide_baselines_and_opaque_photos():
 @pytest.mark.parametrize(
     ("photos", "atol"), [(ring(10), 1e-6), (ring(10)[:6], 1e-5)], ids=["all around", "from one side"]
 )
-def test_pseudo_cameras_surround_the_focus_at_the_photos_height_and_distance(photos, atol):
+def test_pseudo_cameras_keep_the_photos_height_and_distance(photos, atol):
     between = start.pseudo_cameras(scene(), photos, 0)
     beside = np.stack([camera.position - MIDDLE for camera in between])[:, :2]
     angles = np.sort(np.arctan2(*beside.T))

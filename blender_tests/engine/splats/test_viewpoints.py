@@ -97,7 +97,7 @@ def test_cameras_inside_the_target_look_outward():
     )
 
 
-def test_up_direction_is_the_given_one_or_colmaps_without_a_floor():
+def test_up_is_the_given_direction_or_colmaps():
     given = estimate_target(scene(disk(), heap()), np.array([0.0, -2, 0]))
     assert_allclose(given.up, (0, -1, 0))
     table = heap(3000)
@@ -145,7 +145,7 @@ def test_imported_gaussians_keep_their_screen_filter(is_antialiased, expected):
     assert 0.01 < gaussians.near < 0.2
 
 
-def test_sampled_points_lie_on_visible_surfaces_and_name_their_cameras():
+def test_sampled_points_lie_on_surfaces_and_name_their_cameras():
     points = points_of(wall())
     assert len(points) > 1000
     assert_allclose(points.positions[:, 2], 0, atol=0.02)

@@ -88,16 +88,12 @@ def test_flat_and_opaque_gaussians_are_read(tmp_path):
     assert (found[0, 5], found[1, 10], found[2, 10]) == (-87, 16, -87)
 
 
-def binary_ply(rows, *names):
-    lines = [f"element vertex {rows}", *(f"property {name}" for name in names), "end_header", ""]
-    return "\n".join(["ply", "format binary_little_endian 1.0", *lines]).encode()
+def ply(rows, *properties, encoding="binary_little_endian"):
+    lines = [f"element vertex {rows}", *(f"property {each}" for each in properties), "end_header", ""]
+    return "\n".join(["ply", f"format {encoding} 1.0", *lines]).encode()
 
 
-def text_ply(numbers):
-    names = ["x", "y", "z", *(f"scale_{n}" for n in range(3)), *(f"rot_{n}" for n in range(4)), "opacity"]
-    names += [f"f_dc_{n}" for n in range(3)]
-    lines = ["element vertex 2", *(f"property float {name}" for name in names), "end_header", numbers]
-    return "\n".join(["ply", "format ascii 1.0", *lines]).encode()
+TEXT_PLY = ply(2, *(f"float {name}" for name in property_names(14)), encoding="ascii")
 
 
 def spz(*head):
@@ -108,16 +104,16 @@ XYZ = ("float x", "float y", "float z")
 CONTENTS = [
     ("ply", None, "does not exist"),
     ("ply", b"solid cube", "it has no line end_header"),
-    ("ply", binary_ply(-1, *XYZ), "an element has -1 rows"),
-    ("ply", binary_ply(10**9, *XYZ), "it is cut off: 1000000000 rows"),
-    ("ply", binary_ply(10**18, *XYZ), "it is cut off"),
-    ("ply", binary_ply(0, *XYZ), "its vertices have no scale_0"),
-    ("ply", binary_ply(1, *XYZ, "float nx", "float ny", "float nz") + bytes(24), "have no scale_0 .* f_dc_2"),
-    ("ply", binary_ply(1, "list uchar int x"), "no element vertex without lists"),
-    ("ply", binary_ply(1, "half x"), "cannot be understood .'half'."),
-    ("ply", binary_ply(1, "float f_rest_0"), "cut off"),
-    ("ply", text_ply("1 " * 13), "2 rows do not fit into its 13 numbers"),
-    ("ply", text_ply("x " * 28), "its rows are not numbers"),
+    ("ply", ply(-1, *XYZ), "an element has -1 rows"),
+    ("ply", ply(10**9, *XYZ), "it is cut off: 1000000000 rows"),
+    ("ply", ply(10**18, *XYZ), "it is cut off"),
+    ("ply", ply(0, *XYZ), "its vertices have no scale_0"),
+    ("ply", ply(1, *XYZ, "float nx", "float ny", "float nz") + bytes(24), "have no scale_0 .* f_dc_2"),
+    ("ply", ply(1, "list uchar int x"), "no element vertex without lists"),
+    ("ply", ply(1, "half x"), "cannot be understood .'half'."),
+    ("ply", ply(1, "float f_rest_0"), "cut off"),
+    ("ply", TEXT_PLY + b"1 " * 13, "2 rows do not fit into its 13 numbers"),
+    ("ply", TEXT_PLY + b"x " * 28, "its rows are not numbers"),
     ("spz", spz(b"NGSP", 3, 10**9, 0, 12, 0, 0), "payload too small"),
     ("spz", spz(b"NGSP", 1, 1, 0, 12, 0, 0), "version 1"),
     ("spz", spz(b"NGSP", 3, 1, 9, 12, 0, 0), "degree 9"),
@@ -215,9 +211,7 @@ USDA = [
 CHANGES = {".compressed.ply": COMPRESSED, ".sog": SOG, ".gltf": GLTF, ".usda": USDA}
 
 
-@pytest.mark.parametrize(
-    ("end", "change", "words"), [(end, change, words) for end, rows in CHANGES.items() for change, words in rows]
-)
+@pytest.mark.parametrize(("end", "change", "words"), [(end, *row) for end, rows in CHANGES.items() for row in rows])
 def test_malformed_change_of_a_valid_file_is_rejected(end, change, words, tmp_path):
     assert_rejected(changed(tmp_path, end, change), words)
 
