@@ -15,6 +15,7 @@ from blender_tests.engine.splats.clouds import GROUPS
 from blender_tests.engine.splats.formats.files import assert_rejected, require_package, unit_cloud, write_sample
 from karf_engine.errors import MissingDependency
 from karf_engine.io import limited
+from karf_engine.splats.formats.ply import property_names
 from karf_engine.splats.formats.registry import arrays_of, read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 
