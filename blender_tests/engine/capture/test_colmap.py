@@ -143,8 +143,6 @@ def test_unsupported_lenses_are_rejected_by_name(tmp_path, model, suffix):
         open_capture(tmp_path)
 
 
-NUMBERED = [f"IMG_{4000 + number}.JPG" for number in range(9)]
-IN_ORDER = [f"image{name}" for name in NAMES]
 IN_TWO_FOLDERS = [f"cam{number % 2}/{name}" for number, name in enumerate(NAMES)]
 
 
@@ -155,7 +153,7 @@ IN_TWO_FOLDERS = [f"cam{number % 2}/{name}" for number, name in enumerate(NAMES)
         (IN_TWO_FOLDERS, "images", IN_TWO_FOLDERS, ""),
         (IN_TWO_FOLDERS, "images", NAMES, ""),
         ([name.replace(".png", ".JPG") for name in NAMES], "images_8", NAMES, ""),
-        (NUMBERED, "images_8", IN_ORDER, "taken in order"),
+        ([f"IMG_{4000 + n}.JPG" for n in range(9)], "images_8", [f"image{name}" for name in NAMES], "taken in order"),
     ],
     ids=["images", "input", "images_4", "rgb", "here", "subfolders", "flattened", "other suffix", "other names"],
 )

@@ -162,12 +162,12 @@ def test_first_of_several_formats_is_read_with_a_warning(tmp_path, formats, mark
 
 @pytest.mark.parametrize(
     ("file", "format_name"),
-    [
-        ("transforms.json", "transforms"),
-        ("sparse/0/images.bin", "colmap"),
-        ("sparse", "colmap"),
-        ("poses_bounds.npy", "llff"),
-    ],
+    {
+        "transforms.json": "transforms",
+        "sparse/0/images.bin": "colmap",
+        "sparse": "colmap",
+        "poses_bounds.npy": "llff",
+    }.items(),
 )
 def test_chosen_file_determines_the_format(tmp_path, file, format_name):
     write_all(tmp_path, "transforms", "colmap binary", "llff")

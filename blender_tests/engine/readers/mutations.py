@@ -1,7 +1,5 @@
 """Hypothesis strategies that mutate the bytes of a valid file."""
 
-from __future__ import annotations
-
 import copy
 import io
 import json

@@ -1,7 +1,5 @@
 """The registry of readers: how to make valid files, mutate them, and read them with the engine."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from contextlib import suppress
@@ -10,7 +8,14 @@ from pathlib import Path
 
 import karf_engine as karf
 from blender_tests.engine.readers import mutations, samples
-from blender_tests.engine.readers.mutations import changed_bytes, changed_json, changed_safetensors, changed_text
+from blender_tests.engine.readers.mutations import (
+    changed_bytes,
+    changed_json,
+    changed_npy,
+    changed_safetensors,
+    changed_text,
+    changed_zip,
+)
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_from_json, capture_to_json
 from karf_engine.capture.sparse_points import read_points
@@ -126,7 +131,7 @@ def readers() -> list[Reader]:
         **dict.fromkeys(("cloud.ply", "text.ply", "cloud.compressed.ply", "cloud.usda"), changed_text),
         **dict.fromkeys(("cloud.splat", "cloud.spz", "streams.spz", "cloud.glb"), changed_bytes),
         **dict.fromkeys(("cloud.usdc", "packed.usdc", "cloud.usdz"), changed_bytes),
-        "cloud.sog": mutations.changed_zip,
+        "cloud.sog": changed_zip,
         "cloud.gltf": changed_json,
     }
 
@@ -143,8 +148,8 @@ def readers() -> list[Reader]:
             for suffix, mutation in ((".bin", changed_bytes), (".txt", changed_text))
             for table in ("cameras", "images", "points3D")
         ),
-        Reader("LLFF", samples.llff(17), ("poses_bounds.npy",), mutations.changed_npy, capture),
-        Reader("NeX", samples.llff(14), ("hwf_cxcy.npy",), mutations.changed_npy, capture),
+        Reader("LLFF", samples.llff(17), ("poses_bounds.npy",), changed_npy, capture),
+        Reader("NeX", samples.llff(14), ("hwf_cxcy.npy",), changed_npy, capture),
         Reader("points in PLY", samples.ply, ("text.ply", "binary.ply"), changed_text, read_points),
         *(
             Reader(f"splats, {file}", samples.splats, (file,), mutation, read_splats,
@@ -172,13 +177,10 @@ def project_readers(project: Path | None) -> list[Reader]:
     """Readers of the files of a copy of a learned project with planes and an edit; None gives names only."""
     make = samples.project(project)
 
-    def colors_of_ball(path: Path) -> None:
-        read_object_colors(path, "ball")
-
     kinds = [
         ("project.json", changed_json, state),
         ("edit.json", changed_json, lambda path: read_edit(path, read_palettes(project_of(path).palette_file))),
-        (f"planes/{samples.RENDERED}.npz", mutations.changed_zip, read_planes),
+        (f"planes/{samples.RENDERED}.npz", changed_zip, read_planes),
         ("results/geometry-1/capture.json", changed_json, learned),
         ("results/geometry-1/geometry.safetensors", changed_safetensors, learned),
         ("results/segmentation-1/segmentation.json", changed_json, masked_views),
@@ -186,7 +188,7 @@ def project_readers(project: Path | None) -> list[Reader]:
         ("results/segmentation-1/surface.safetensors", changed_safetensors, surface),
         ("results/recoloring-1/palette.json", changed_json, learned),
         ("results/recoloring-1/recoloring.safetensors", changed_safetensors, learned),
-        ("results/recoloring-1/object_colors.npz", mutations.changed_zip, colors_of_ball),
+        ("results/recoloring-1/object_colors.npz", changed_zip, lambda path: read_object_colors(path, "ball")),
         ("results/splats-1/splats.safetensors", changed_safetensors, learned),
     ]
     return [Reader(Path(file).name, make, (file,), mutation, read) for file, mutation, read in kinds]

@@ -1,7 +1,5 @@
 """Small valid files of every kind that the engine reads."""
 
-from __future__ import annotations
-
 import atexit
 import hashlib
 import json
@@ -46,9 +44,9 @@ def nerf_synthetic(folder: Path) -> None:
 def transforms(folder: Path) -> None:
     """A nerfstudio capture with a lens and sparse points."""
     capture_files.write_transforms(folder, cameras(4, 8), NAMES)
-    path = folder / "transforms.json"
+    content = json.loads((folder / "transforms.json").read_text())
     more = {"ply_file_path": "points.ply", "test_filenames": [f"images/{NAMES[0]}"], "k1": 0.01}
-    path.write_text(json.dumps(json.loads(path.read_text()) | more))
+    capture_files.put_json(folder / "transforms.json", content | more)
     (folder / "points.ply").write_text(PLY_TEXT)
 
 
@@ -60,10 +58,9 @@ def splat_cameras(folder: Path) -> None:
 
 def camera_file(folder: Path) -> None:
     """Cameras to render from."""
-    poses = [camera.camera_to_world.tolist() for camera in cameras(2, 8)]
-    frames = [{"file_path": f"frame_{n}", "transform_matrix": pose} for n, pose in enumerate(poses)]
+    frames = capture_files.frames_of(["frame_0", "frame_1"], cameras(2, 8))
     content = {"w": 8, "h": 6, "fl_x": 9.0, "fl_y": 9.0, "cx": 4, "cy": 3, "k1": 0.1, "frames": frames}
-    (folder / "cameras.json").write_text(json.dumps(content))
+    capture_files.put_json(folder / "cameras.json", content)
 
 
 def canonical_capture(folder: Path) -> None:

@@ -3,6 +3,8 @@
 import json
 import math
 import struct
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 
 import numpy as np
@@ -58,21 +60,16 @@ def fields(*removed, **values):
     return in_json(lambda value: {key: kept for key, kept in value.items() if key not in removed} | values)
 
 
-def frame(**values):
-    return in_json(lambda value: value["frames"][0].update(values))
+def inside(*place):
+    """Return a change of fields of the object at this place."""
+    return lambda **values: in_json(lambda value: reduce(getitem, place, value).update(values))
+
+
+frame, camera, view = inside("frames", 0), inside(1), inside("views", 0)
 
 
 def pose(matrix):
     return frame(transform_matrix=matrix)
-
-
-def frames(*values):
-    return fields(frames=list(values))
-
-
-def camera(**values):
-    """Change the second camera of a splat."""
-    return in_json(lambda value: value[1].update(values))
 
 
 def model(function):
@@ -132,7 +129,7 @@ def npy(value):
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:1ce8274457\nsize 421531\n"
 HUGE = struct.pack("<Q", 2**60)
 POSE = np.eye(4).tolist()
-IMAGE = struct.pack("<QI7dI", 1, 1, 1, 0, 0, 0, 0, 0, 0, 7)  # fields its name
+IMAGE = struct.pack("<QI7dI", 1, 1, 1, 0, 0, 0, 0, 0, 0, 7)  # without its name
 OTHER_NAMES = [{"file_path": name, "transform_matrix": POSE} for name in ("b.png", "c.png")]
 EMPTY_SEGMENTS = [b"\xff\xd8\xff\xe0" + length + bytes(50) for length in (b"\0\0", b"\0\1")]  # of a JPEG
 NO_HEADER = "no complete PNG, JPEG, WebP, TIFF, BMP or EXR header"
@@ -197,8 +194,8 @@ TABLE = {
         ("cannot be read", content(b'{"fl_x": ' + b"9" * 10_000 + b"}")),
         ("JSON list", in_json(lambda value: [value])),
         ("JSON int", content(b"7")),
-        ("no list of frames", fields("frames"), frames(), fields(frames={"a": 1}), fields(frames="all")),
-        ("frame 0 has no file_path", frames("a.png"), frames({"transform_matrix": POSE}), frame(file_path="")),
+        ("no list of frames", fields("frames"), *(fields(frames=value) for value in ([], {"a": 1}, "all"))),
+        ("frame 0 has no file_path", fields(frames=["a.png"]), frame(file_path=""), fields(frames=[{"transform_matrix": POSE}])),
         ("frame 1 has no file_path", in_json(lambda value: value["frames"].__setitem__(1, []))),
         ("neither fl_x nor camera_angle_x", fields("fl_x", "fl_y")),
         ("camera_angle_x = 50", fields("fl_x", camera_angle_x=50)),
@@ -213,14 +210,14 @@ TABLE = {
         ("FISHEYE624 camera", fields(camera_model="FISHEYE624")),
         ("['OPENCV'] camera", fields(camera_model=["OPENCV"])),
         ("k4 = 'none'", fields(k4="none")),
-        ("frame 0", frames({"file_path": f"images/{NAMES[0]}"})),
+        ("frame 0", fields(frames=[{"file_path": f"images/{NAMES[0]}"}])),
         ("no 4x4", pose([[1, 0, 0], [0, 1], [0]]), pose(POSE[:3][:2]), pose([["a"] * 4] * 4)),
         ("no 4x4", pose(np.eye(3).tolist()), pose([[10**400, 0, 0, 0], *POSE[1:]])),
         ("not finite", pose([[1, 0, 0, math.inf], *POSE[1:]]), pose((np.eye(4) * 1e200).tolist())),
         ("uniform scale", pose([[2, 0, 0, 0], *POSE[1:]]), pose([[1, 0.6, 0, 0], [0, 0.8, 0, 0], *POSE[2:]])),
         ("uniform scale", pose([[-1, 0, 0, 0], *POSE[1:]]), pose(np.zeros((4, 4)).tolist())),
-        (" … none of its 1 photos was found", frames({"file_path": "a" * 5000, "transform_matrix": POSE})),
-        (" … none of its 2 photos was found", frames(*OTHER_NAMES)),
+        (" … none of its 1 photos was found", fields(frames=[{"file_path": "a" * 5000, "transform_matrix": POSE}])),
+        (" … none of its 2 photos was found", fields(frames=OTHER_NAMES)),
         ("gone.ply … missing", fields(splat_file_path="gone.ply")),
         ("points.ply … cut off", beside("points.ply", cut(0.97))),
         (f"{NAMES[0]} … Git-LFS pointer", beside(f"images/{NAMES[0]}", content(POINTER))),
@@ -233,7 +230,7 @@ TABLE = {
         ("rotation", camera(rotation=[[1, 0, 0], [0, 3, 0], [0, 0, 1]])),
     ],
     "canonical capture": [
-        ("gains", in_json(lambda value: value["views"][0].update(gains=[1.0, 0.0, 1.0]))),
+        ("gains", view(gains=[1.0, 0.0, 1.0])),
         ("not a canonical capture", fields(splats={"is_antialiased": True})),
     ],
     "points in PLY": [

@@ -5,8 +5,6 @@ writing outside the given folder, unpickling, starting a program, and opening a 
 started is the engine's own limited Python (`karf_engine.io.limited`), whose memory is not watched here.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import os
 import re

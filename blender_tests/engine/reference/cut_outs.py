@@ -1,7 +1,5 @@
 """Painted scenes with known coverage: shapes drawn at a multiple of the photo's size, mixed in linear light."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

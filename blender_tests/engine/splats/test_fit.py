@@ -55,7 +55,7 @@ PHOTOS, CUT_OUTS = ([photograph(camera) for camera in CAMERAS] for photograph in
 
 
 def progress(steps=np.inf):
-    """Progress that is canceled after this many steps."""
+    """Progress that is cancelled after this many steps."""
     asked = count()
     return Progress(lambda *_, **__: None, lambda: next(asked) >= steps, "splats", 100)
 

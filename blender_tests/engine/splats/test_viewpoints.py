@@ -117,7 +117,7 @@ def stop():
     raise Cancelled("stop", "")
 
 
-def test_choosing_cameras_can_be_canceled():
+def test_choosing_cameras_can_be_cancelled():
     gaussians = scene(disk(), heap())
     with pytest.raises(Cancelled):
         cameras_around(gaussians, estimate_target(gaussians), 8, 64, stop)
@@ -174,7 +174,7 @@ def test_haze_and_sky_yield_no_points():
     assert len(points) and (points.positions[:, 2] > -1).all()
 
 
-def test_sampling_points_can_be_canceled():
+def test_sampling_points_can_be_cancelled():
     with pytest.raises(Cancelled):
         points_of(wall(), check=stop)
 

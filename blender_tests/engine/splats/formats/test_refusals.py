@@ -6,6 +6,8 @@ import struct
 import sys
 import tracemalloc
 import zipfile
+from functools import reduce
+from operator import getitem
 
 import numpy as np
 import pytest
@@ -140,21 +142,20 @@ def primitives(content):
     return content["meshes"][0]["primitives"]
 
 
-def gltf(**values):
-    """Change values of the positions' accessor, or of the extension."""
+def inside(*place):
+    """Return a change of values of the object at this place."""
+    return lambda **values: in_json(lambda content: reduce(getitem, place, content).update(values))
 
+
+def positions(**values):
     def change(content):
-        (primitive,) = primitives(content)
-        if {"colorSpace", "kernel"} & set(values):
-            primitive["extensions"]["KHR_gaussian_splatting"].update(values)
-        else:
-            content["accessors"][primitive["attributes"]["POSITION"]].update(values)
+        content["accessors"][primitives(content)[0]["attributes"]["POSITION"]].update(values)
 
     return in_json(change)
 
 
-def buffer(uri):
-    return in_json(lambda content: content["buffers"][0].update(uri=uri))
+buffer, view, node = inside("buffers", 0), inside("bufferViews", 0), inside("nodes", 0)
+extension = inside("meshes", 0, "primitives", 0, "extensions", "KHR_gaussian_splatting")
 
 
 CLIPS = b'clips = { dictionary default = { asset[] assetPaths = [@./other.usda@]\nstring primPath = "/Gaussians" } }'
@@ -180,20 +181,20 @@ SOG = [
     (cut(30), "not a zip file"),
 ]
 GLTF = [
-    (buffer("../cloud.bin"), r"wants '\.\./cloud\.bin'"),
-    (buffer("..%2Fcloud.bin"), "which is no file beside it"),
-    (buffer("/etc/passwd"), "wants '/etc/passwd'"),
-    (buffer("https://example.com/a.bin"), "wants 'https:"),
+    (buffer(uri="../cloud.bin"), r"wants '\.\./cloud\.bin'"),
+    (buffer(uri="..%2Fcloud.bin"), "which is no file beside it"),
+    (buffer(uri="/etc/passwd"), "wants '/etc/passwd'"),
+    (buffer(uri="https://example.com/a.bin"), "wants 'https:"),
     (in_json(lambda content: content["buffers"][0].pop("uri")), "a buffer without bytes"),
-    (in_json(lambda content: content["bufferViews"][0].update(byteOffset=10**9)), "outside its buffer"),
-    (gltf(count=10**9), "outside its buffer"),
-    (gltf(count=-1), "'-1' is no whole number"),
-    (gltf(type="VEC2"), "other widths"),
-    (gltf(sparse={}), "without a whole buffer view"),
+    (view(byteOffset=10**9), "outside its buffer"),
+    (positions(count=10**9), "outside its buffer"),
+    (positions(count=-1), "'-1' is no whole number"),
+    (positions(type="VEC2"), "other widths"),
+    (positions(sparse={}), "without a whole buffer view"),
     (in_json(lambda content: content.pop("nodes")), "it lacks 'nodes'"),
-    (in_json(lambda content: content["nodes"][0].update(scale=[1, 2, 3])), "shears or scales unequally"),
-    (gltf(colorSpace="lin_rec709_display"), "other colors than srgb"),
-    (gltf(kernel="box"), "another kernel than ellipse"),
+    (node(scale=[1, 2, 3]), "shears or scales unequally"),
+    (extension(colorSpace="lin_rec709_display"), "other colors than srgb"),
+    (extension(kernel="box"), "another kernel than ellipse"),
     (in_json(lambda content: primitives(content)[0].pop("extensions")), "no points with KHR_gaussian"),
 ]
 USDA = [
@@ -233,7 +234,7 @@ def test_spz_4_with_wrong_lengths_is_rejected(tmp_path):
 
 def rename_with_escapes(path):
     next(path.parent.glob("*.bin")).rename(path.parent / "my garden #1%41.bin")
-    in_json(lambda content: content["buffers"][0].update(uri="my%20garden%20%231%2541.bin"))(path)
+    buffer(uri="my%20garden%20%231%2541.bin")(path)
 
 
 @pytest.mark.parametrize(
