@@ -46,7 +46,7 @@ def rejection(kind, **values):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_command_rejects_missing_and_misspelled_options(command):
+def test_command_options_round_trip_and_reject_mistakes(command):
     kind, (_, needed) = COMMANDS[command], REQUIRED[command]
     for name in needed:
         assert name in rejection(kind, **{other: value for other, value in needed.items() if other != name})

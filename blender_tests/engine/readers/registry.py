@@ -8,14 +8,7 @@ from pathlib import Path
 
 import karf_engine as karf
 from blender_tests.engine.readers import mutations, samples
-from blender_tests.engine.readers.mutations import (
-    changed_bytes,
-    changed_json,
-    changed_npy,
-    changed_safetensors,
-    changed_text,
-    changed_zip,
-)
+from blender_tests.engine.readers.mutations import changed_bytes, changed_json, changed_text, changed_zip
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_from_json, capture_to_json
 from karf_engine.capture.sparse_points import read_points
@@ -148,8 +141,8 @@ def readers() -> list[Reader]:
             for suffix, mutation in ((".bin", changed_bytes), (".txt", changed_text))
             for table in ("cameras", "images", "points3D")
         ),
-        Reader("LLFF", samples.llff(17), ("poses_bounds.npy",), changed_npy, capture),
-        Reader("NeX", samples.llff(14), ("hwf_cxcy.npy",), changed_npy, capture),
+        Reader("LLFF", samples.llff(17), ("poses_bounds.npy",), mutations.changed_npy, capture),
+        Reader("NeX", samples.llff(14), ("hwf_cxcy.npy",), mutations.changed_npy, capture),
         Reader("points in PLY", samples.ply, ("text.ply", "binary.ply"), changed_text, read_points),
         *(
             Reader(f"splats, {file}", samples.splats, (file,), mutation, read_splats,
@@ -182,13 +175,13 @@ def project_readers(project: Path | None) -> list[Reader]:
         ("edit.json", changed_json, lambda path: read_edit(path, read_palettes(project_of(path).palette_file))),
         (f"planes/{samples.RENDERED}.npz", changed_zip, read_planes),
         ("results/geometry-1/capture.json", changed_json, learned),
-        ("results/geometry-1/geometry.safetensors", changed_safetensors, learned),
+        ("results/geometry-1/geometry.safetensors", mutations.changed_safetensors, learned),
         ("results/segmentation-1/segmentation.json", changed_json, masked_views),
-        ("results/segmentation-1/segmentation.safetensors", changed_safetensors, learned),
-        ("results/segmentation-1/surface.safetensors", changed_safetensors, surface),
+        ("results/segmentation-1/segmentation.safetensors", mutations.changed_safetensors, learned),
+        ("results/segmentation-1/surface.safetensors", mutations.changed_safetensors, surface),
         ("results/recoloring-1/palette.json", changed_json, learned),
-        ("results/recoloring-1/recoloring.safetensors", changed_safetensors, learned),
+        ("results/recoloring-1/recoloring.safetensors", mutations.changed_safetensors, learned),
         ("results/recoloring-1/object_colors.npz", changed_zip, lambda path: read_object_colors(path, "ball")),
-        ("results/splats-1/splats.safetensors", changed_safetensors, learned),
+        ("results/splats-1/splats.safetensors", mutations.changed_safetensors, learned),
     ]
     return [Reader(Path(file).name, make, (file,), mutation, read) for file, mutation, read in kinds]
