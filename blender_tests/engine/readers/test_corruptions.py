@@ -184,7 +184,7 @@ TABLE = {
     ],
     "NeX": [
         ("holds 5 numbers", npy(np.ones(5))),
-        ("poses_bounds.npy … 14 columns, poses fields focal lengths, and no hwf_cxcy.npy lies beside it", Path.unlink),
+        ("poses_bounds.npy … 14 columns, poses without focal lengths, and no hwf_cxcy.npy lies beside it", Path.unlink),
         ("poses_bounds.npy … principal point", npy(np.array([6, 8, 5, 5, math.nan, 3]))),
     ],
     "transforms.json": [
