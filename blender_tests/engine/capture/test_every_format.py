@@ -47,8 +47,7 @@ FORMATS = {  # writer, and the part of a camera that the format can express
 
 def assert_same_camera(read, written):
     assert (read.width, read.height, read.fisheye) == (written.width, written.height, written.fisheye)
-    intrinsics = [[camera.fx, camera.fy, camera.cx, camera.cy] for camera in (read, written)]
-    assert_allclose(*intrinsics, rtol=1e-5)
+    assert_allclose(*([camera.fx, camera.fy, camera.cx, camera.cy] for camera in (read, written)), rtol=1e-5)
     assert_allclose(read.distortion, written.distortion, rtol=1e-5)
     scale = 1 + np.abs(written.position).max()
     assert_allclose(read.camera_to_world, written.camera_to_world, rtol=1e-5, atol=1e-5 * scale)

@@ -63,8 +63,7 @@ def test_shrunken_photo_is_undistorted_with_full_detail(tmp_path):
 
 def test_lens_map_is_computed_once_per_lens(tmp_path):
     lens_map.cache_clear()
-    views = [view_of(tmp_path / f"{i}.png", OPAQUE, LENS if i % 2 else LENS[:4]) for i in range(6)]
-    load_views(views, 9)
+    load_views([view_of(tmp_path / f"{i}.png", OPAQUE, LENS if i % 2 else LENS[:4]) for i in range(6)], 9)
     assert lens_map.cache_info().misses == 2
 
 

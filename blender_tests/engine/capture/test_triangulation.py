@@ -53,8 +53,7 @@ def test_unrelated_pictures_have_no_points(training_images):
 
 
 def test_cameras_are_paired_with_their_neighbors():
-    capture = open_capture(ROOT / "demo")
-    cameras = [view.camera for view in capture.split("train")]
+    cameras = [view.camera for view in open_capture(ROOT / "demo").split("train")]
     pairs = neighbor_pairs(cameras)
     assert all(a < b for a, b in pairs) and len(set(pairs)) == len(pairs)
     assert {number for pair in pairs for number in pair} == set(range(len(cameras)))

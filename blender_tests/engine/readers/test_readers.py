@@ -22,8 +22,6 @@ MUTANTS = 20  # without the option --mutants
 
 @dataclass(frozen=True)
 class Mutant:
-    """A mutated file."""
-
     name: str
     data: bytes = field(repr=False)
 

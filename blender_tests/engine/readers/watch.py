@@ -133,5 +133,4 @@ def _outside(target) -> str:
     if not isinstance(target, str | bytes | os.PathLike):
         return ""
     path = os.path.realpath(os.fsdecode(target))
-    allowed = path == _folder or path.startswith(_folder + os.sep) or path == os.devnull
-    return "" if allowed else path
+    return "" if path in (_folder, os.devnull) or path.startswith(_folder + os.sep) else path

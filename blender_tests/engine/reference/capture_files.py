@@ -89,8 +89,7 @@ def frames_of(names, cameras, **more) -> list[dict]:
 def write_nerf_synthetic(folder: Path, cameras: list[Camera]) -> None:
     """The layout of NeRF's Blender script; the first two cameras are val and test."""
     angle = 2 * math.atan(cameras[0].width / 2 / cameras[0].fx)
-    groups = {"train": cameras[2:], "val": cameras[:1], "test": cameras[1:2]}
-    for split, group in groups.items():
+    for split, group in {"train": cameras[2:], "val": cameras[:1], "test": cameras[1:2]}.items():
         names = [f"{split}/r_{number}" for number in range(len(group))]
         frames = frames_of([f"./{name}" for name in names], group, rotation=0.1)
         put_json(folder / f"transforms_{split}.json", {"camera_angle_x": angle, "frames": frames})
@@ -140,8 +139,7 @@ class ColmapModel:
 
     def __init__(self, cameras: list[Camera], names: list[str], seed: int = 0, one_lens: bool = True) -> None:
         random = np.random.default_rng(seed)
-        lenses = cameras[:1] if one_lens else cameras
-        self.cameras = [(7 + i, *self.lens(camera)) for i, camera in enumerate(lenses)]
+        self.cameras = [(7 + i, *self.lens(each)) for i, each in enumerate(cameras[:1] if one_lens else cameras)]
         self.points = [
             (40 - 3 * i, random.normal(size=3), random.integers(0, 256, 3).tolist(), float(random.uniform()), [])
             for i in range(6)
@@ -153,8 +151,7 @@ class ColmapModel:
                 point[4].append((100 - i, len(features)))
                 features.append((*random.uniform(0, camera.width, 2), point[0]))
             features.append((*random.uniform(0, camera.width, 2), -1))
-            lens = 7 if one_lens else 7 + i
-            self.images.append((100 - i, self.pose(camera), lens, name, features))
+            self.images.append((100 - i, self.pose(camera), 7 if one_lens else 7 + i, name, features))
 
     @staticmethod
     def lens(camera: Camera) -> tuple:

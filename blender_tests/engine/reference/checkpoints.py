@@ -28,8 +28,7 @@ def vanilla_state(seed, width=12):
 
 def bmild_arrays(state):
     """Kernels [in, out] and biases in bmild/nerf's order, from a state dictionary with nerf-pytorch's names."""
-    depth = sum(name.startswith("pts_linears.") for name in state) // 2
-    names = [f"pts_linears.{layer}" for layer in range(depth)]
+    names = [f"pts_linears.{layer}" for layer in range(sum(name.startswith("pts_linears.") for name in state) // 2)]
     arrays = []
     for name in [*names, "feature_linear", "views_linears.0", "rgb_linear", "alpha_linear"]:
         arrays += [state[f"{name}.weight"].numpy().T.copy(), state[f"{name}.bias"].numpy()]

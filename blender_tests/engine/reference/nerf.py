@@ -71,5 +71,4 @@ def fine_t(t, weights, n_fine):
 
 def still_life(count=20, size=32, sky=False):
     photos = [take_photo(camera, sky) for camera in cameras(count, size)]
-    views = [View(f"v{n}", f"v{n}", photo.camera, None, "train") for n, photo in enumerate(photos)]
-    return views, photos
+    return [View(f"v{n}", f"v{n}", photo.camera, None, "train") for n, photo in enumerate(photos)], photos

@@ -179,8 +179,7 @@ def test_cutouts_are_fitted_on_random_backgrounds(monkeypatch):
 def test_background_gaussians_learn_only_their_color():
     shell = np.stack([ball((x, y, -20), 4, 0.99, (0.5, 0.5, 0.5), 1) for x in (-6, 0, 6) for y in (-6, 0, 6)])
     start = replace(noisy_truth(), table=np.concatenate([noisy_truth().table, shell]), n_background=len(shell))
-    after = fitted(PHOTOS, 30, start).gaussians.table
-    changed = after != start.table
+    changed = fitted(PHOTOS, 30, start).gaussians.table != start.table
     background = changed[start.n_foreground :]
     assert not background[:, :COLOR].any() and not background[:, COLOR + 3 :].any()
     assert background[:, GROUPS["color"]].any() and changed[: start.n_foreground, :LOG_SCALE].any()
@@ -202,8 +201,7 @@ def test_fit_recovers_gains_and_renders_at_mean_exposure():
     assert_allclose(fit.gains, GAINS / mean, atol=0.04)
     equal = fitted(PHOTOS, 240)
     assert_allclose(equal.gains, ONES, atol=0.01)
-    at_mean = [exposed(photo, mean) for photo in PHOTOS]
-    assert error_of(fit.gaussians, at_mean) < 3 * error_of(equal.gaussians, PHOTOS)
+    assert error_of(fit.gaussians, [exposed(photo, mean) for photo in PHOTOS]) < 3 * error_of(equal.gaussians, PHOTOS)
 
 
 def test_cutouts_and_pseudo_photos_keep_unit_gains(monkeypatch):

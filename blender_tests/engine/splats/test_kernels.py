@@ -102,8 +102,7 @@ def test_blended_values_match_the_picture():
     assert_allclose(view.blended(np.ones((60, 1), np.float32))[0], 1 - view.image[..., 3], atol=1e-6)
     colors = np.moveaxis(view.blended(view.colors), 0, -1) + view.image[..., 3:] * np.float32(BACKGROUND)
     assert_allclose(colors, view.image[..., :3], atol=1e-5)
-    each = np.eye(60, dtype=np.float32)
-    assert_allclose(view.weights(), view.blended(each).sum((1, 2)), rtol=1e-4, atol=1e-4)
+    assert_allclose(view.weights(), view.blended(np.eye(60, dtype=np.float32)).sum((1, 2)), rtol=1e-4, atol=1e-4)
 
 
 def covered_by(row, scale):

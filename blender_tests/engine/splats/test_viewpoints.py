@@ -98,8 +98,7 @@ def test_cameras_inside_the_target_look_outward():
 
 
 def test_up_is_the_given_direction_or_colmaps():
-    given = estimate_target(scene(disk(), heap()), np.array([0.0, -2, 0]))
-    assert_allclose(given.up, (0, -1, 0))
+    assert_allclose(estimate_target(scene(disk(), heap()), np.array([0.0, -2, 0])).up, (0, -1, 0))
     table = heap(3000)
     table[:, ROTATION:LOGIT] = np.random.default_rng(6).normal(size=(3000, 4))
     table[:, LOG_SCALE] -= 2
