@@ -1,6 +1,6 @@
-"""Check that a package's imports run down from floor to floor, never up, aside or in a circle.
+"""Check that a package's imports only run from higher floors to lower ones, without circles.
 
-A room is a folder or file directly in the package's folder; a table lists the rooms of each floor, from the ground up.
+A room is a folder or file directly in the package's folder; a table lists the rooms of each floor, lowest first.
 """
 
 import ast
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def violations(package: Path, floors: Sequence[Sequence[str]]) -> list[str]:
-    """A sentence for each import that runs up or aside, each circle, and each room that the table or the folder lacks."""
+    """A sentence for each import that runs up or sideways, each circle, and each room missing in the table or folder."""
     files = modules(package)
     imports = {name: set(_imported(name, path, package.name, files)) for name, path in files.items()}
     floor_of = {room: floor for floor, rooms in enumerate(floors) for room in rooms}
@@ -29,7 +29,7 @@ def modules(package: Path) -> dict[str, Path]:
 
 
 def circles(imports: Mapping[str, Collection[str]]) -> Iterator[list[str]]:
-    """Circles of imports, each from a module back to itself; at least one where there are any."""
+    """Import circles, each from a module back to itself; at least one if there are any."""
     graph = {name: set(targets) for name, targets in imports.items()}
     while True:
         try:
@@ -46,7 +46,7 @@ def _room_of(module: str) -> str:
 
 
 def _misplaced(name: str, target: str, floor_of: Mapping[str, int]) -> str:
-    """Why a module may not import another; empty where it may, or where the table lacks a room."""
+    """Why a module may not import another; empty if it may, or if the table lacks a room."""
     room, other = _room_of(name), _room_of(target)
     if room == other or not {room, other} <= set(floor_of) or floor_of[other] < floor_of[room]:
         return ""
@@ -65,7 +65,7 @@ def _imported(name: str, path: Path, package: str, files: Collection[str]) -> It
 
 
 def _dotted(node: ast.AST, folder: Sequence[str]) -> list[list[str]]:
-    """The dotted names that a node imports, relative ones completed; what is outside the package is left out."""
+    """The dotted names that a node imports, relative ones completed, without those outside the package."""
     if isinstance(node, ast.Import):
         return [alias.name.split(".") for alias in node.names]
     if not isinstance(node, ast.ImportFrom) or node.level > len(folder):
@@ -75,7 +75,7 @@ def _dotted(node: ast.AST, folder: Sequence[str]) -> list[list[str]]:
 
 
 def _file_of(parts: Sequence[str], files: Collection[str]) -> str:
-    """The file that dotted parts lead to, the last of which may be a name in it; empty where there is none."""
+    """The file that dotted parts lead to (the last may be a name in the file); empty if there is none."""
     parts = [part for part in parts if part]
     for end in (len(parts), len(parts) - 1):
         for name in (".".join(parts[:end]), ".".join([*parts[:end], "__init__"])):
