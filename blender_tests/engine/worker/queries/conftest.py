@@ -1,4 +1,4 @@
-"""Queries about the learned still life, as Blender asks them."""
+"""Fixtures that ask queries about the learned still life."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def session(tmp_path):
 
 @pytest.fixture
 def ask(session, learned, edit):
-    """Ask of the learned project with the edit, or of what the options say."""
+    """Ask a query about the learned project with the edit, unless the options say otherwise."""
 
     def ask(kind, **options):
         return QUERIES[kind](session, {"project": str(learned.project), "edit": edit_to_json(edit)} | options)
