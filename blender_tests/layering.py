@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def violations(package: Path, floors: Sequence[Sequence[str]]) -> list[str]:
-    """A sentence for each import that runs up or sideways, each circle, and each room missing in the table or folder."""
+    """A sentence for each import that runs up or sideways, each circle, and each room missing on either side."""
     files = modules(package)
     imports = {name: set(_imported(name, path, package.name, files)) for name, path in files.items()}
     floor_of = {room: floor for floor, rooms in enumerate(floors) for room in rooms}

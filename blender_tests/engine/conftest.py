@@ -97,16 +97,20 @@ def run_engine(*arguments, python=(), environment=None, **options) -> subprocess
 
 @pytest.fixture(scope="session")
 def wheel(tmp_path_factory) -> Path:
-    """The engine's wheel, built from a copy of the sources by this environment's own setuptools, without a network."""
-    folder = tmp_path_factory.mktemp("wheel")
-    sources = folder / "sources"
+    """The engine's wheel, built from a copy of the sources without network."""
+    sources = tmp_path_factory.mktemp("wheel") / "sources"
     shutil.copytree(ROOT / "karf_engine", sources / "karf_engine", ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, sources)
+    return build_wheel(sources)
+
+
+def build_wheel(sources: Path) -> Path:
+    """Build a wheel beside its sources with this environment's own setuptools."""
     build = "from setuptools import build_meta; print(build_meta.build_wheel('..'))"
     done = subprocess.run([sys.executable, "-c", build], cwd=sources, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return folder / done.stdout.splitlines()[-1]
+    return sources.parent / done.stdout.splitlines()[-1]
 
 
 def odd_folder(parent: Path) -> Path:

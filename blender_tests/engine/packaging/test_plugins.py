@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from blender_tests.engine.conftest import ROOT
+from blender_tests.engine.conftest import ROOT, build_wheel
 
 EXAMPLES = ("fields/example_field.py", "heads/example_head.py", "capture/example_format.py")
 CHOSEN = ("geometry.field=balls", "segmentation.head=fourier", "segmentation.labels=exact", "recoloring.layer=linear")
@@ -26,10 +26,7 @@ def plugin(tmp_path_factory) -> Path:
     shutil.copytree(Path(__file__).parent / "plugin", sources, ignore=shutil.ignore_patterns("__pycache__"))
     for example in EXAMPLES:
         shutil.copy(ROOT / "blender_tests" / "engine" / example, sources)
-    build = "from setuptools import build_meta; print(build_meta.build_wheel('..'))"
-    done = subprocess.run([sys.executable, "-c", build], cwd=sources, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return sources.parent / done.stdout.splitlines()[-1]
+    return build_wheel(sources)
 
 
 @pytest.fixture(scope="module")

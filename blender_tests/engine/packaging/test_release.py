@@ -29,11 +29,6 @@ def copied(folder):
     return folder
 
 
-@pytest.fixture
-def checkout(tmp_path):
-    return copied(tmp_path / "checkout")
-
-
 def build(checkout, **environment):
     """Build as a user does, with nothing installed."""
     command = [sys.executable, "-I", "-S", checkout / "tools" / "dev.py", "build"]
@@ -83,7 +78,8 @@ def test_builds_are_byte_identical(built):
 
 
 @pytest.mark.parametrize("name", ["blender_manifest.toml", "CITATION.cff"])
-def test_differing_version_stops_the_build(checkout, name):
+def test_differing_version_stops_the_build(tmp_path, name):
+    checkout = copied(tmp_path / "checkout")
     path = checkout / name
     path.write_text(path.read_text().replace(engine_version(ROOT), "9.8.7", 1))
     done = build(checkout, PATH="")
@@ -99,8 +95,8 @@ def test_unsupported_pattern_stops_the_build(tmp_path, pattern):
 
 @pytest.mark.skipif(os.name == "nt", reason="shell script")
 @pytest.mark.parametrize("verdict", [0, 1])
-def test_blender_on_the_path_validates_the_package(checkout, tmp_path, verdict):
-    blender = tmp_path / "blender"
+def test_blender_on_the_path_validates_the_package(tmp_path, verdict):
+    checkout, blender = copied(tmp_path / "checkout"), tmp_path / "blender"
     blender.write_text(f'#!/bin/sh\necho "asked: $*"\nexit {verdict}\n')
     blender.chmod(0o755)
     done = build(checkout, PATH=str(tmp_path))

@@ -98,7 +98,6 @@ def test_file_held_by_another_program_is_replaced_once_free(monkeypatch, tmp_pat
     assert [path.read_text() for path in tmp_path.iterdir()] == [expected]
 
 
-# ---------------------------------------------------------------------------------------------------------------- names
 COMPOSED, DECOMPOSED = "caf\u00e9", "cafe\u0301"
 ESCAPES = ["../x", "..", ".", "", "a/b", "a\\b", "/etc/x", "C:x", "a:b", "a\0b", "a\nb", "tab\there", "\udcff"]
 DEVICES = ["con", "CON", "NUL.png", "aux.png", "Com1", "lpt9.tar.gz", "COM¹", "conin$", "CONOUT$", "prn .txt"]

@@ -31,7 +31,7 @@ POSE = np.eye(4)
 FAR = [[1, 0, 0, 1e25], *POSE[1:].tolist()]
 
 
-def refusal(read, *arguments):
+def rejection(read, *arguments):
     with pytest.raises(KarfError) as caught:
         read(*arguments)
     assert caught.value.hint and len(caught.value.sentence) < 1000
@@ -39,6 +39,7 @@ def refusal(read, *arguments):
 
 
 def rewrite_json(path, change):
+    """Change the content of a JSON file."""
     content = json.loads(path.read_text())
     change(content)
     path.write_text(json.dumps(content))
@@ -111,7 +112,7 @@ CHANGES = {
 @pytest.mark.parametrize(("file", "change"), [(file, change) for file, rows in CHANGES.items() for change in rows])
 def test_hostile_values_of_learned_files_are_rejected(project, file, change):
     (rewrite_json if file.endswith(".json") else rewrite_facts)(project / file, change)
-    sentence = refusal(Model, Project(project))
+    sentence = rejection(Model, Project(project))
     assert file != "palette.json" or "palette.json holds palettes of pot" in sentence
 
 
@@ -121,7 +122,7 @@ def test_hostile_values_of_learned_files_are_rejected(project, file, change):
 )
 def test_object_names_of_learned_files_cannot_leave_the_folder(project, file, read):
     rewrite_facts(project / file, lambda facts: facts["objects"].__setitem__(0, "../../escaped"))
-    assert "cannot be the name of a file" in refusal(read, project / file)
+    assert "cannot be the name of a file" in rejection(read, project / file)
 
 
 @pytest.mark.parametrize("name", ["positions", "viewdirs", "colors", "object", "sure", "view"])
@@ -130,13 +131,13 @@ def test_incomplete_surface_rays_are_rejected(project, name):
     tensors, facts = load_tensors(path, SURFACE_SCHEMA)
     for wrong in (tensors | {name: tensors[name][:-1]}, {key: t for key, t in tensors.items() if key != name}):
         save_tensors(path, wrong, SURFACE_SCHEMA, facts)
-        assert "surface.safetensors is damaged" in refusal(load_surface, path)
+        assert "surface.safetensors is damaged" in rejection(load_surface, path)
 
 
 @pytest.mark.parametrize("report", [[], {}, {"views": ["../x"]}])
 def test_malformed_segmentation_reports_are_rejected(tmp_path, report):
     put_json(tmp_path / "segmentation.json", report)
-    assert "segmentation.json" in refusal(SegmentationReport.read, tmp_path / "segmentation.json")
+    assert "segmentation.json" in rejection(SegmentationReport.read, tmp_path / "segmentation.json")
 
 
 def test_hostile_view_names_write_nothing_outside(project, tmp_path, capsys):
@@ -164,7 +165,7 @@ NO_INITIAL = [None, 5, [], [[0, 0, 0], [NAN] * 3], [[0, 0, 0]] * 10_000, "red"]
 def test_malformed_palettes_are_rejected(tmp_path, changes, kind, words):
     path = tmp_path / "palette.json"
     put_json(path, {"schema": "karf-palette/1", "shared": False, "objects": [PALETTE | changes]})
-    assert words in refusal(read_palettes, path, kind)
+    assert words in rejection(read_palettes, path, kind)
     assert "name" in changes or len(read_palettes(path)) == 1
 
 
@@ -197,7 +198,7 @@ FRAME = {"file_path": "frame_1", "w": 64, "h": 36, "fl_x": 70.0, "transform_matr
 def test_hostile_values_of_captures_are_rejected(tmp_path, key, value, words):
     content = capture()
     content["views"][0][key] = value
-    sentence = refusal(capture_from_json, content, tmp_path / "capture.json")
+    sentence = rejection(capture_from_json, content, tmp_path / "capture.json")
     assert "capture.json" in sentence and words in sentence
 
 
@@ -206,7 +207,7 @@ TWICE = capture() | {"views": capture()["views"] * 2}
 
 @pytest.mark.parametrize("content", [None, 5, [], "text", {"schema": "karf-capture/1"}, {"schema": []}, TWICE])
 def test_malformed_captures_are_rejected(tmp_path, content):
-    sentence = refusal(capture_from_json, content, tmp_path / "capture.json")
+    sentence = rejection(capture_from_json, content, tmp_path / "capture.json")
     assert "capture.json" in sentence and ("twice" in sentence) == (content is TWICE)
 
 
@@ -227,7 +228,7 @@ def test_strange_photo_names_become_safe_view_names(tmp_path):
 )
 def test_impossible_cameras_are_rejected_with_their_value(tmp_path, fields, words):
     put_json(tmp_path / "cameras.json", {"frames": [FRAME | fields]})
-    sentence = refusal(open_capture, tmp_path / "cameras.json", False)
+    sentence = rejection(open_capture, tmp_path / "cameras.json", False)
     assert "cameras.json, frame 0 ('frame_1')" in sentence and words in sentence
 
 

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import pytest
 
@@ -30,7 +31,6 @@ def names_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-# ---------------------------------------------------------------------------------------------------------------- state
 def test_project_belongs_to_one_capture(project):
     project.finish("geometry", "abc")
     project.create("/captures/pots")
@@ -111,7 +111,7 @@ def test_finished_stage_outdates_only_dependent_stages(project, again, left):
 
 
 def fingerprint_of_result(project, stage, changed=None, change=("inputs", "sum"), **summary):
-    """The fingerprint of a stage's result once all are finished, one of them with this input fingerprint and checksum."""
+    """The fingerprint of a stage's result once all stages are finished, one of them changed."""
     for each in STAGE_ORDER:
         fingerprint, checksum = change if each == changed else ("inputs", "sum")
         project.finish(each, fingerprint, files={f"{each}.safetensors": checksum}, **summary)
@@ -128,7 +128,6 @@ def test_result_fingerprint_depends_only_on_stages_up_to_its_own(project, change
     assert result_fingerprint({}, "segmentation") not in ("", fingerprint_of_result(project, "segmentation"))
 
 
-# -------------------------------------------------------------------------------------------------------------- results
 def test_commit_stores_outputs_checksums_and_settings(project):
     commit(project, "geometry", capture_json="{}", geometry_safetensors="field")
     done = project.finished("geometry")
@@ -161,11 +160,8 @@ def test_killed_commit_leaves_the_project_unchanged(project, monkeypatch, step):
     commit(project, "geometry", geometry_safetensors="old")
     before = project.state()
 
-    def stop(*_):
-        raise SystemExit
-
     with monkeypatch.context() as patch, pytest.raises(SystemExit):
-        patch.setattr(f"karf_engine.project.folder.{step}", stop)
+        patch.setattr(f"karf_engine.project.folder.{step}", Mock(side_effect=SystemExit))
         commit(project, "geometry", geometry_safetensors="new")
     assert project.state() == before and project.geometry_file.read_text() == "old" and project.is_intact("geometry")
 
@@ -209,7 +205,6 @@ def test_foreign_folders_do_not_break_result_numbering(project):
     assert project.new_result("geometry").name == "geometry-8"
 
 
-# ---------------------------------------------------------------------------------------------------------------- masks
 def segment(project, mask):
     """Finish the segmentation with one mask of this name."""
     result = project.new_result("segmentation")
@@ -239,7 +234,6 @@ def test_masks_linked_from_outside_the_project_are_rejected(project, tmp_path):
         project.place_masks()
 
 
-# ------------------------------------------------------------------------------------------------------------ leftovers
 def test_only_leftovers_of_dead_processes_are_removed(project):
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()

@@ -23,18 +23,14 @@ def model(tmp_path):
     return tmp_path / FILES[0]
 
 
-def converted(given):
-    """Convert a file and return both networks' tensors as the engine reads them."""
+def assert_converted(given, *states):
+    """Convert a file and compare both networks, as the engine reads them, with these tensors."""
     out = given.with_name("out") / "200000.tar"
     assert main([str(given), str(out)]) == 0
-    networks = read_nerf(out)
-    for network in networks:
-        assert network.shape.skips == (5,) and not network.shape.linear_first and not network.shape.rectified_features
-    return [network.state_dict() for network in networks]
-
-
-def assert_same(found, state):
-    assert found.keys() == state.keys() and all(torch.equal(found[name], value) for name, value in state.items())
+    for network, state in zip(read_nerf(out), states, strict=True):
+        shape, found = network.shape, network.state_dict()
+        assert shape.skips == (5,) and not shape.linear_first and not shape.rectified_features
+        assert found.keys() == state.keys() and all(torch.equal(found[name], value) for name, value in state.items())
 
 
 @pytest.mark.parametrize("protocol", [None, 2])
@@ -42,16 +38,14 @@ def assert_same(found, state):
 def test_both_networks_are_converted_exactly(tmp_path, given, protocol):
     for name, state in zip(FILES, (COARSE, FINE), strict=True):
         write_arrays(tmp_path / name, bmild_arrays(state), protocol)
-    for found, state in zip(converted(tmp_path / given), (COARSE, FINE), strict=True):
-        assert_same(found, state)
+    assert_converted(tmp_path / given, COARSE, FINE)
 
 
 @pytest.mark.parametrize("name", FILES)
 @pytest.mark.parametrize("arrays", [ARRAYS, [np.asfortranarray(array.astype(">f8")) for array in ARRAYS]])
 def test_single_file_serves_as_both_networks(tmp_path, name, arrays):
     write_arrays(tmp_path / name, arrays)
-    for found in converted(tmp_path / name):
-        assert_same(found, COARSE)
+    assert_converted(tmp_path / name, COARSE, COARSE)
 
 
 def test_checkpoint_is_reproducible_and_has_only_tensors(tmp_path, model):
@@ -85,7 +79,7 @@ def cut(kept):
     return write
 
 
-def arrays(values):
+def stored(values):
     return lambda path: write_arrays(path, values)
 
 
@@ -108,10 +102,10 @@ def one_array_many_times():
     ("write", "words"),
     [
         *((cut(kept), "cannot be read") for kept in (0, 5, 100, -60)),
-        (arrays([np.ones(2)] * 5), "holds 5 arrays"),
-        (arrays([np.array(["a", "b"])] * 24), "cannot be read"),
-        (arrays(ARRAYS[2:]), "a network of another kind"),  # without the first layer
-        (arrays([*ARRAYS[:-1], np.full_like(ARRAYS[-1], np.nan)]), "not finite"),
+        (stored([np.ones(2)] * 5), "holds 5 arrays"),
+        (stored([np.array(["a", "b"])] * 24), "cannot be read"),
+        (stored(ARRAYS[2:]), "a network of another kind"),  # without the first layer
+        (stored([*ARRAYS[:-1], np.full_like(ARRAYS[-1], np.nan)]), "not finite"),
         (lambda path: None, "does not exist"),
         (lambda path: np.save(path, np.ones(5)), "one array of numbers"),
         (lambda path: path.symlink_to("/dev/zero"), "is a pipe or a device, not a file"),

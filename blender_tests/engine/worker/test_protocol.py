@@ -152,28 +152,18 @@ MAPPED = [
     (FROM_WINDOWS, r"\\server\pots\a.png", "/mnt/pots/a.png"),
     (CHAIN, "/srv/a and /mnt/b", "/mnt/a and /data/b"),
 ]
-SIMILAR = [
-    *("/data/srv/film", "/data/srv/film/a.png is missing.", "/data (old)/srv/film", "../srv/film", "~/srv/film"),
-    *("C:/srv/film", "file:///srv/film", "/srv/films", "/srv/film.old"),
+OTHERS = ["/data/srv/film", "/data/srv/film/a.png is missing.", "/data (old)/srv/film", "../srv/film", "~/srv/film"]
+OTHERS += ["C:/srv/film", "file:///srv/film", "/srv/films", "/srv/film.old"]
+SIMILAR = [  # paths that are not mapped
+    *((TO_LINUX, text) for text in OTHERS),
+    *((FROM_WINDOWS, text) for text in (r"E:\old\D:\film", r"D:\filmstrip")),
+    ([], "/srv/film"),
 ]
 
 
-@pytest.mark.parametrize(("folders", "local", "caller"), MAPPED)
-def test_shared_paths_are_mapped_to_the_caller(folders, local, caller):
+@pytest.mark.parametrize(("folders", "local", "caller"), [*MAPPED, *((*row, row[1]) for row in SIMILAR)])
+def test_only_shared_paths_are_mapped_to_the_caller(folders, local, caller):
     assert PathMap.of(folders).to_caller(local) == caller
-
-
-@pytest.mark.parametrize(
-    ("folders", "text"),
-    [
-        *((TO_LINUX, text) for text in SIMILAR),
-        (FROM_WINDOWS, r"E:\old\D:\film"),
-        (FROM_WINDOWS, r"D:\filmstrip"),
-        ([], "/srv/film"),
-    ],
-)
-def test_similar_paths_are_not_mapped(folders, text):
-    assert PathMap.of(folders).to_caller(text) == text
 
 
 @pytest.mark.parametrize(

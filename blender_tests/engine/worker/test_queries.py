@@ -4,6 +4,7 @@ import itertools
 import queue
 import threading
 import time
+from unittest.mock import Mock
 
 import pytest
 
@@ -13,24 +14,6 @@ from karf_engine.worker.loop import Worker
 from karf_engine.worker.path_map import PathMap
 from karf_engine.worker.protocol import WARM, EventReader, Query, Request, folder_line
 from karf_engine.worker.queries.session import MAX_CACHED, Session
-
-SAME_PATHS = PathMap()
-
-
-def line(number, kind="echo", **options):
-    return Query(number, kind, options).encode() + "\n"
-
-
-class Lines(queue.SimpleQueue):
-    """Standard input: yields lines as they are written until it is closed."""
-
-    write = queue.SimpleQueue.put
-
-    def close(self):
-        self.write(None)
-
-    def __iter__(self):
-        return iter(self.get, None)
 
 
 @pytest.fixture
@@ -42,21 +25,25 @@ def kinds(monkeypatch):
 
 
 class RunningWorker(threading.Thread):
-    """A worker thread that answers the queries of a job; `next()` is its next event after the first."""
+    """A worker thread that answers the queries of a job; `write(None)` closes its standard input."""
 
-    def __init__(self, folder, lines, paths=SAME_PATHS, **options):
+    def __init__(self, folder, path_map=(), **options):
         super().__init__(daemon=True)
-        self.code, self._lines, self._job = None, lines, folder / "job"
-        self._worker = Worker(paths)
+        self.code, self._job, self._lines = None, folder / "job", queue.SimpleQueue()
+        self._worker, self.write = Worker(PathMap.of(path_map)), self._lines.put
         Request(WARM, folder, options).write(self._job)
         self._reader, self._events = EventReader(self._job), []
         self.start()
         assert self.next()[0] == "hello"
 
     def run(self):
-        self.code = self._worker.serve(self._job, self._lines)
+        self.code = self._worker.serve(self._job, iter(self._lines.get, None))
+
+    def ask(self, number, kind="echo", **options):
+        self.write(Query(number, kind, options).encode() + "\n")
 
     def next(self):
+        """Return the next event after the first."""
         end = time.monotonic() + 20
         while not self._events:
             assert time.monotonic() < end, "no event"
@@ -73,32 +60,26 @@ class RunningWorker(threading.Thread):
 
 
 @pytest.fixture
-def stream():
-    return Lines()
+def worker(tmp_path, kinds):
+    return RunningWorker(tmp_path)
 
 
-@pytest.fixture
-def worker(tmp_path, stream, kinds):
-    return RunningWorker(tmp_path, stream)
-
-
-def test_queries_are_answered_by_number(worker, stream):
+def test_queries_are_answered_by_number(worker):
     for number in (7, 8):
-        stream.write(line(number, n=number))
+        worker.ask(number, n=number)
         assert worker.next() == ("answer", {"id": number, "options": {"n": number}})
-    stream.close()
+    worker.write(None)
     assert worker.wait() == 0 and worker.next()[0] == "done"
 
 
-def test_only_the_latest_waiting_query_of_a_kind_is_answered(worker, stream, kinds):
+def test_only_the_latest_waiting_query_of_a_kind_is_answered(worker, kinds):
     begun, go = threading.Event(), threading.Event()
-
     kinds["slow"] = lambda session, options: (begun.set(), go.wait(20), {})[-1]
-    stream.write(line(1, "slow"))
+    worker.ask(1, "slow")
     begun.wait(20)
     for number in (2, 3, 4):
-        stream.write(line(number, "echo"))
-    stream.write(line(5, "slow"))
+        worker.ask(number, "echo")
+    worker.ask(5, "slow")
     go.set()
     events = [worker.next() for _ in range(5)]
     assert [values["id"] for kind, values in events if kind == "dropped"] == [2, 3]
@@ -106,7 +87,7 @@ def test_only_the_latest_waiting_query_of_a_kind_is_answered(worker, stream, kin
 
 
 @pytest.mark.parametrize("why", ["later query", "caller gone"])
-def test_unwanted_answer_is_stopped(worker, stream, kinds, why):
+def test_unwanted_answer_is_stopped(worker, kinds, why):
     begun = threading.Event()
 
     def until_stopped(session, options):
@@ -116,37 +97,34 @@ def test_unwanted_answer_is_stopped(worker, stream, kinds, why):
         return {}
 
     kinds["echo"] = until_stopped
-    stream.write(line(1, is_long=True))
+    worker.ask(1, is_long=True)
     begun.wait(20)
     if why == "later query":
-        stream.write(line(2))
+        worker.ask(2)
         assert [worker.next() for _ in range(2)] == [("dropped", {"id": 1}), ("answer", {"id": 2})]
     else:
-        stream.close()
+        worker.write(None)
         worker.wait()
 
 
 @pytest.mark.parametrize("end", [None, "cancel\n", folder_line("another job") + "\n"])
-def test_worker_ends_on_end_of_input_cancel_or_another_job(worker, stream, end):
-    stream.write(end)
+def test_worker_ends_on_end_of_input_cancel_or_another_job(worker, end):
+    worker.write(end)
     assert worker.wait() == 0 and worker.next()[0] == "done"
 
 
-def test_worker_ends_when_idle(tmp_path, stream, kinds):
-    assert RunningWorker(tmp_path, stream, idle_minutes=0).wait() == 0
+def test_worker_ends_when_idle(tmp_path, kinds):
+    assert RunningWorker(tmp_path, idle_minutes=0).wait() == 0
 
 
-def test_failed_query_is_refused_and_the_next_is_answered(worker, stream, kinds):
-    def fail(session, options):
-        raise DataError("a.png is missing.", "Find it.")
-
-    kinds["fail"] = fail
-    stream.write(line(0, "fail"))
+def test_failed_query_is_refused_and_the_next_is_answered(worker, kinds):
+    kinds["fail"] = Mock(side_effect=DataError("a.png is missing.", "Find it."))
+    worker.ask(0, "fail")
     assert worker.next() == ("refused", {"id": 0, "code": "data", "sentence": "a.png is missing.", "hint": "Find it."})
-    stream.write(line(1, "paint"))
+    worker.ask(1, "paint")
     kind, values = worker.next()
     assert kind == "refused" and "Unknown kind of query 'paint'" in values["sentence"]
-    stream.write(line(3))
+    worker.ask(3)
     assert worker.next()[0] == "answer"
 
 
@@ -154,24 +132,24 @@ def test_failed_query_is_refused_and_the_next_is_answered(worker, stream, kinds)
     "text",
     ["{", "[1]", "7", "[" * 100_000, '{"id": "1", "kind": "echo", "options": {}}', '{"id": 1, "kind": "echo"}'],
 )
-def test_malformed_lines_cause_a_warning_only(worker, stream, text):
-    stream.write(text + "\n")
+def test_malformed_lines_cause_a_warning_only(worker, text):
+    worker.write(text + "\n")
     kind, values = worker.next()
     assert kind == "warning" and values["code"] == "request"
-    stream.write(line(1))
+    worker.ask(1)
     assert worker.next()[0] == "answer"
 
 
-def test_caller_paths_are_mapped_in_queries(tmp_path, stream, kinds):
+def test_caller_paths_are_mapped_in_queries(tmp_path, kinds):
     seen = []
     kinds["echo"] = lambda session, options: seen.append(options) or {}
-    worker = RunningWorker(tmp_path, stream, PathMap.of(["/mnt/film=/srv/film", f"{tmp_path}={tmp_path}"]))
-    stream.write(line(1, project="/mnt/film/pots", side=3))
+    worker = RunningWorker(tmp_path, ["/mnt/film=/srv/film", f"{tmp_path}={tmp_path}"])
+    worker.ask(1, project="/mnt/film/pots", side=3)
     assert worker.next() == ("answer", {"id": 1})
     assert seen == [{"project": "/srv/film/pots", "side": 3}]
 
 
-def test_out_of_memory_empties_the_cache(worker, stream, kinds):
+def test_out_of_memory_empties_the_cache(worker, kinds):
     made = []
 
     def hungry(session, options):
@@ -182,7 +160,7 @@ def test_out_of_memory_empties_the_cache(worker, stream, kinds):
 
     kinds["echo"] = hungry
     for number, is_large in enumerate((False, True, False)):
-        stream.write(line(number, is_large=is_large))
+        worker.ask(number, is_large=is_large)
         _, values = worker.next()
         assert values.get("code") == ("memory" if is_large else None)
     assert made == ["anew", "anew"]

@@ -50,18 +50,13 @@ def corrected(ask, project):
     return corrected
 
 
-def disk_inside(mask):
-    rows, columns = np.indices(mask.shape)
-    row, column = np.argwhere(mask).mean(0)
-    return (rows - row) ** 2 + (columns - column) ** 2 <= 2.5**2
-
-
 def test_stroke_corrects_the_mask_at_once_and_when_segmented(corrected, project, model):
     view = model.capture.split("test")[0]
     before, learned = corrected(view), dict(zip(model.objects, model.render_view(view).masks, strict=True))
     for name, mask in before.items():
         assert (mask & learned[name]).sum() / (mask | learned[name]).sum() > 0.8
-    disk = disk_inside(before["block"])
+    pixels = np.moveaxis(np.indices(before["block"].shape), 0, -1)
+    disk = np.linalg.norm(pixels - np.argwhere(before["block"]).mean(0), axis=-1) <= 2.5
     picture = np.zeros((*disk.shape, 2), np.uint8)
     picture[disk] = 0, 255
     path = project.corrections_folder / "block" / f"{view.name}.png"
