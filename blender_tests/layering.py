@@ -10,16 +10,20 @@ from pathlib import Path
 
 
 def violations(package: Path, floors: Sequence[Sequence[str]]) -> list[str]:
-    """A sentence for each import that runs up or sideways, each circle, and each room missing on either side."""
+    """A sentence for each import that runs up or sideways, each room missing on either side, and a circle."""
     files = modules(package)
     imports = {name: set(_imported(name, path, package.name, files)) for name, path in files.items()}
     floor_of = {room: floor for floor, rooms in enumerate(floors) for room in rooms}
-    rooms = {_room_of(name) for name in files}
+    rooms = {name.partition(".")[0] for name in files}
     found = [f"The room {room} is on no floor of the table." for room in sorted(rooms - set(floor_of))]
     found += [f"The room {room} of the table is not in the package." for room in sorted(set(floor_of) - rooms)]
     for name, targets in imports.items():
         found += [sentence for target in sorted(targets) if (sentence := _misplaced(name, target, floor_of))]
-    return found + [f"A circle: {' imports '.join(circle)}." for circle in circles(imports)]
+    try:
+        TopologicalSorter(imports).prepare()
+    except CycleError as error:  # its list has each module after the one that it imports
+        found.append(f"A circle: {' imports '.join(error.args[1][::-1])}.")
+    return found
 
 
 def modules(package: Path) -> dict[str, Path]:
@@ -28,26 +32,9 @@ def modules(package: Path) -> dict[str, Path]:
     return {".".join(path.relative_to(package).with_suffix("").parts): path for path in paths}
 
 
-def circles(imports: Mapping[str, Collection[str]]) -> Iterator[list[str]]:
-    """Import circles, each from a module back to itself; at least one if there are any."""
-    graph = {name: set(targets) for name, targets in imports.items()}
-    while True:
-        try:
-            TopologicalSorter(graph).prepare()
-            return
-        except CycleError as error:
-            circle = error.args[1][::-1]  # given with each module after the one that it imports
-            yield circle
-            graph[circle[0]].discard(circle[1])
-
-
-def _room_of(module: str) -> str:
-    return module.partition(".")[0]
-
-
 def _misplaced(name: str, target: str, floor_of: Mapping[str, int]) -> str:
     """Why a module may not import another; empty if it may, or if the table lacks a room."""
-    room, other = _room_of(name), _room_of(target)
+    room, other = (module.partition(".")[0] for module in (name, target))
     if room == other or not {room, other} <= set(floor_of) or floor_of[other] < floor_of[room]:
         return ""
     where = "the same floor" if floor_of[other] == floor_of[room] else "a higher floor"
