@@ -14,12 +14,9 @@ finally:
 
 
 def peak_of(code: str, *arguments: object, fails_with: str = "") -> int:
-    """Peak bytes of code, or of its largest child process; Linux.
+    """Peak bytes of one line of code, or of its largest child process; Linux.
 
-    Args:
-        code: One line; it may use `sys.argv` and `Path`.
-        arguments: `sys.argv[1:]`.
-        fails_with: The error that the code must raise, if any.
+    The code may use `Path`, and the arguments as `sys.argv[1:]`; `fails_with` is the error that it must raise, if any.
     """
     command = [sys.executable, "-c", f"{HEAD}try:\n    {code}{TAIL}", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True)

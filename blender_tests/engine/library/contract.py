@@ -70,12 +70,9 @@ def layer_input(*shape: int) -> Kind:
 def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
     """Kinds by argument; `function.argument` takes precedence where arguments of one name differ.
 
-    Args:
-        folder: Holds a capture, its masks, its learned project, edit.json, sheet.csv and book.csv.
-        model: The project, loaded.
+    The folder holds a capture, its masks, its learned project (the model), edit.json, sheet.csv and book.csv.
     """
-    typo = folder / "typo"
-    view = model.capture.split("train")[0]
+    typo, view = folder / "typo", model.capture.split("train")[0]
     camera = view.camera.reduced(8)
     frame, photo_view = model.render(camera), model.photo_view(view)
     size = (view.camera.height, view.camera.width)

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 pytest.importorskip("numba")
 
 from blender_tests.engine.conftest import finish_again, of_field
-from blender_tests.engine.worker.queries.conftest import arrays_of
+from blender_tests.engine.worker.queries.conftest import with_arrays
 from karf_engine.capture.transforms import camera_to_json
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.export.cryptomatte import channels, header
@@ -34,20 +34,18 @@ def camera(model):
 def show(ask, camera):
     """Ask for a picture of the camera; the answer and its arrays."""
 
-    def show(**options):
-        answer = ask("show", **{"camera": camera_to_json(camera)} | options)
-        return answer, arrays_of(answer)
-
-    return show
+    view = {"camera": camera_to_json(camera)}
+    return lambda **options: with_arrays(ask("show", **view | options))
 
 
 @pytest.fixture
 def preview(ask, camera):
     """Ask for planes of the camera; the answer and the planes."""
 
+    defaults = {"camera": camera_to_json(camera.scaled(450, 300)), "long_side": 300}
+
     def preview(**options):
-        wanted = {"camera": camera_to_json(camera.scaled(450, 300)), "long_side": 300}
-        answer = ask("preview", **wanted | options)
+        answer = ask("preview", **defaults | options)
         return answer, read_planes(Path(answer["planes"]))
 
     return preview
@@ -55,13 +53,8 @@ def preview(ask, camera):
 
 @pytest.fixture
 def harmonics(ask):
-    """Ask for colors of splats; the answer and the spherical harmonics."""
-
-    def harmonics(**options):
-        answer = ask("harmonics", **options)
-        return answer, arrays_of(answer)["harmonics"]
-
-    return harmonics
+    """Ask for colors of splats; the answer and its arrays."""
+    return lambda **options: with_arrays(ask("harmonics", **options))
 
 
 def unfinished(learned, folder, *kept):
@@ -166,20 +159,21 @@ def points_of(table, count):
 def test_harmonics_are_those_of_the_recolored_splats(harmonics, model, edit, learned, tmp_path):
     answer, found = harmonics()
     as_learned, recolored = (splats.table[:, COLOR:] for splats in (model.splats, model.recolored_splats(edit)))
-    assert list(answer["arrays"]) == ["harmonics"] and answer["arrays"]["harmonics"]["offset"] == 0
+    assert list(found) == ["harmonics"] and answer["arrays"]["harmonics"]["offset"] == 0
     assert answer["n_solid"] == model.splats.n_foreground and answer["seconds"] >= 0
-    assert_array_equal(found, recolored)
-    assert (found != as_learned).any()
+    assert_array_equal(found["harmonics"], recolored)
+    assert (recolored != as_learned).any()
     for options in ({"edit": None}, {"project": unfinished(learned, tmp_path, "segmentation")}):
-        assert_array_equal(harmonics(**options)[1], as_learned)
+        assert_array_equal(harmonics(**options)[1]["harmonics"], as_learned)
     for count in (len(model.splats), model.splats.n_foreground):
-        assert_array_equal(harmonics(points=points_of(model.splats.table, count))[1], recolored[:count])
+        points = points_of(model.splats.table, count)
+        assert_array_equal(harmonics(points=points)[1]["harmonics"], recolored[:count])
 
 
 def test_harmonics_follow_the_rotation_of_the_points(harmonics, model, edit):
     recolored = model.recolored_splats(edit)
     moved = transform_gaussians(recolored, MOVED).table
-    _, found = harmonics(points=points_of(moved, len(moved)))
+    found = harmonics(points=points_of(moved, len(moved)))[1]["harmonics"]
     assert_allclose(found, moved[:, COLOR:], atol=2e-5)
     assert found.shape[1] > 3 and (found != recolored.table[:, COLOR:]).any()
 
