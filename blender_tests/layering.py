@@ -1,6 +1,6 @@
-"""Check that a package's imports run down from floor to floor, never up, aside or in a circle.
+"""Check that a package's imports only run from higher floors to lower ones, without circles.
 
-A room is a folder or file directly in the package's folder; a table lists the rooms of each floor, from the ground up.
+A room is a folder or file directly in the package's folder; a table lists the rooms of each floor, lowest first.
 """
 
 import ast
@@ -10,16 +10,20 @@ from pathlib import Path
 
 
 def violations(package: Path, floors: Sequence[Sequence[str]]) -> list[str]:
-    """A sentence for each import that runs up or aside, each circle, and each room that the table or the folder lacks."""
+    """A sentence for each import that runs up or sideways, each room missing on either side, and a circle."""
     files = modules(package)
     imports = {name: set(_imported(name, path, package.name, files)) for name, path in files.items()}
     floor_of = {room: floor for floor, rooms in enumerate(floors) for room in rooms}
-    rooms = {_room_of(name) for name in files}
+    rooms = {name.partition(".")[0] for name in files}
     found = [f"The room {room} is on no floor of the table." for room in sorted(rooms - set(floor_of))]
     found += [f"The room {room} of the table is not in the package." for room in sorted(set(floor_of) - rooms)]
     for name, targets in imports.items():
         found += [sentence for target in sorted(targets) if (sentence := _misplaced(name, target, floor_of))]
-    return found + [f"A circle: {' imports '.join(circle)}." for circle in circles(imports)]
+    try:
+        TopologicalSorter(imports).prepare()
+    except CycleError as error:  # its list has each module after the one that it imports
+        found.append(f"A circle: {' imports '.join(error.args[1][::-1])}.")
+    return found
 
 
 def modules(package: Path) -> dict[str, Path]:
@@ -28,26 +32,9 @@ def modules(package: Path) -> dict[str, Path]:
     return {".".join(path.relative_to(package).with_suffix("").parts): path for path in paths}
 
 
-def circles(imports: Mapping[str, Collection[str]]) -> Iterator[list[str]]:
-    """Circles of imports, each from a module back to itself; at least one where there are any."""
-    graph = {name: set(targets) for name, targets in imports.items()}
-    while True:
-        try:
-            TopologicalSorter(graph).prepare()
-            return
-        except CycleError as error:
-            circle = error.args[1][::-1]  # given with each module after the one that it imports
-            yield circle
-            graph[circle[0]].discard(circle[1])
-
-
-def _room_of(module: str) -> str:
-    return module.partition(".")[0]
-
-
 def _misplaced(name: str, target: str, floor_of: Mapping[str, int]) -> str:
-    """Why a module may not import another; empty where it may, or where the table lacks a room."""
-    room, other = _room_of(name), _room_of(target)
+    """Why a module may not import another; empty if it may, or if the table lacks a room."""
+    room, other = (module.partition(".")[0] for module in (name, target))
     if room == other or not {room, other} <= set(floor_of) or floor_of[other] < floor_of[room]:
         return ""
     where = "the same floor" if floor_of[other] == floor_of[room] else "a higher floor"
@@ -65,7 +52,7 @@ def _imported(name: str, path: Path, package: str, files: Collection[str]) -> It
 
 
 def _dotted(node: ast.AST, folder: Sequence[str]) -> list[list[str]]:
-    """The dotted names that a node imports, relative ones completed; what is outside the package is left out."""
+    """The dotted names that a node imports, relative ones completed, without those outside the package."""
     if isinstance(node, ast.Import):
         return [alias.name.split(".") for alias in node.names]
     if not isinstance(node, ast.ImportFrom) or node.level > len(folder):
@@ -75,7 +62,7 @@ def _dotted(node: ast.AST, folder: Sequence[str]) -> list[list[str]]:
 
 
 def _file_of(parts: Sequence[str], files: Collection[str]) -> str:
-    """The file that dotted parts lead to, the last of which may be a name in it; empty where there is none."""
+    """The file that dotted parts lead to (the last may be a name in the file); empty if there is none."""
     parts = [part for part in parts if part]
     for end in (len(parts), len(parts) - 1):
         for name in (".".join(parts[:end]), ".".join([*parts[:end], "__init__"])):

@@ -1,11 +1,11 @@
-"""Calls that not every system has, and text files whose letters depend on the system, found in a package's sources."""
+"""Find calls that Windows lacks and text files opened without an encoding in a package's sources."""
 
 import ast
 from collections.abc import Iterator
 from pathlib import Path
 
 MODULES = {"crypt", "fcntl", "grp", "nis", "pty", "pwd", "resource", "syslog", "termios", "tty"}  # that Windows lacks
-CALLS = {  # that it lacks of others
+CALLS = {  # names of other modules that it lacks
     "os": set(
         "chown chroot fchmod fchown fork forkpty getegid geteuid getgid getgroups getloadavg getpgid getpgrp "
         "getpriority getresuid getsid getuid initgroups killpg lchown mkfifo mknod nice openpty pathconf posix_fallocate "
@@ -23,10 +23,10 @@ GUARDS = ("os.name", "sys.platform", "hasattr")
 
 
 def unguarded(package: Path, without: tuple[str, ...] = ()) -> Iterator[str]:
-    """A line for each use of something that Windows lacks where nothing asks for the system first.
+    """A line for each unguarded use of something that Windows lacks.
 
-    A guard is an `if` that asks for `os.name`, `sys.platform` or `hasattr`, around the use or before it with a return,
-    or a `try` that expects an ImportError. `without`: folders that are passed over.
+    A guard is an `if` that checks `os.name`, `sys.platform` or `hasattr`, around the use or before it with a return,
+    or a `try` that expects an ImportError. `without`: folders to skip.
     """
     for path in sorted(package.rglob("*.py")):
         if path.relative_to(package).parts[0] in without:
@@ -39,7 +39,7 @@ def unguarded(package: Path, without: tuple[str, ...] = ()) -> Iterator[str]:
 
 
 def without_encoding(package: Path) -> Iterator[str]:
-    """A line for each text file that is opened, read or written in the system's own encoding."""
+    """A line for each text file that is opened, read or written without naming an encoding."""
     for path in sorted(package.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and _opens_text(node):
@@ -54,8 +54,8 @@ def _with_surroundings(node: ast.AST, around: tuple) -> Iterator[tuple[ast.AST, 
 
 
 def _posix_name(node: ast.AST) -> str:
-    """What a node uses that Windows lacks; empty for nothing."""
-    names = []  # (module, name in it); a module's own use needs its import, which is found
+    """The name that a node uses and Windows lacks, or an empty text."""
+    names = []  # (module, name in it)
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
         names = [(node.value.id, node.attr)]
     elif isinstance(node, ast.Import):
@@ -68,7 +68,7 @@ def _posix_name(node: ast.AST) -> str:
 
 
 def _is_guard(node: ast.AST, line: int) -> bool:
-    """Whether a surrounding node guards what stands in a line of it."""
+    """Whether a surrounding node guards this line of it."""
     if isinstance(node, ast.If | ast.IfExp):
         return any(word in ast.unparse(node.test) for word in GUARDS)
     if isinstance(node, ast.FunctionDef):
@@ -80,7 +80,7 @@ def _is_guard(node: ast.AST, line: int) -> bool:
 
 
 def _opens_text(call: ast.Call) -> bool:
-    """Whether a call opens a file as text: `open`, `.open`, `.read_text` and `.write_text` of paths."""
+    """Whether a call opens a file as text: `open`, and `.open`, `.read_text` and `.write_text` of paths."""
     name = call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
     if name in ("read_text", "write_text"):
         return isinstance(call.func, ast.Attribute)

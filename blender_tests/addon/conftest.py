@@ -1,4 +1,4 @@
-"""Loads the checkout as Blender loads the extension, bl_ext.karf_test.karf, and starts every test in an empty file."""
+"""Enables the checkout as the extension bl_ext.karf_test.karf and starts every test in an empty file."""
 
 import importlib
 import json
@@ -14,9 +14,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.karf_test.karf"
-ENGINE_PYTHON = os.environ.get("KARF_ENGINE_PYTHON")  # tests of the extension replace it by the fake engine's
+ENGINE_PYTHON = os.environ.get("KARF_ENGINE_PYTHON")  # the tests replace it with that of the fake engine
 FAKE_ENGINE = Path(__file__).parent / "fake_engine"
-# the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
+# package of karf_blender -> its modules that tests use; the fixture `addon` has them as attributes
 MODULES = {
     "": "compositor engine_api nodes preferences progress session steps",
     "host": "compat rendering windows words",
@@ -58,8 +58,8 @@ def addon(bpy, monkeypatch):
     """The add-on's modules by name, in an empty file, with the fake engine behind them."""
     bpy.ops.wm.read_homefile(use_empty=True)
     modules = SimpleNamespace(extension=importlib.import_module(f"{MODULE}.karf_blender"))
-    for room, names in MODULES.items():
-        package = f"{MODULE}.karf_blender.{room}".rstrip(".")
+    for folder, names in MODULES.items():
+        package = f"{MODULE}.karf_blender.{folder}".rstrip(".")
         for name in names.split():
             setattr(modules, name, importlib.import_module(f"{package}.{name}"))
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
@@ -73,12 +73,12 @@ def addon(bpy, monkeypatch):
 
 
 @pytest.fixture
-def chosen(addon):
-    """The extension's preferences, with no Python chosen before and after the test."""
+def preferences(addon):
+    """The extension's preferences, with engine and threads reset after the test."""
     addon.probing.cancel()
     yield addon.preferences.current()
-    preferences = addon.preferences.current()  # asked for anew: a test may have loaded other preferences
-    preferences.engine_python = preferences.engine_folder = ""
+    preferences = addon.preferences.current()  # a test may have loaded others
+    preferences.engine_python, preferences.engine_folder, preferences.threads = "", "", 0
     addon.probing.cancel()
 
 
@@ -89,7 +89,7 @@ def scene(bpy, addon):
 
 @pytest.fixture
 def seeing(bpy, addon):
-    """The display settings of pictures, with their defaults before and after the test."""
+    """The display settings of pictures, at their defaults before and after the test."""
 
     def reset():
         for name in seeing.bl_rna.properties.keys():
@@ -111,7 +111,7 @@ def image_editor(bpy, addon):
 
 @pytest.fixture
 def reopen(bpy, tmp_path):
-    """Save the file, open it again, and return its scene."""
+    """A function that saves the file, reopens it, and returns its scene."""
 
     def reopen(name="shot.blend"):
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / name))
@@ -122,13 +122,13 @@ def reopen(bpy, tmp_path):
 
 
 @pytest.fixture
-def capture_folder(bpy, addon, tmp_path):
-    """An instant-ngp style capture of three 24 x 16 photos, one of them named in a nested folder."""
+def capture_folder(addon, tmp_path):
+    """An instant-ngp style capture of three 24 x 16 photos."""
     return make_capture(addon, tmp_path / "pots", 3, 24, 16)
 
 
 def make_capture(addon, folder, count, width, height):
-    """Write photos (a gradient, different in each) and their transforms.json; returns the folder."""
+    """Write photos of different gradients and their transforms.json; returns the folder."""
     api, views = addon.engine_api, []
     for number in range(count):
         angle = 0.4 * number
@@ -153,8 +153,8 @@ def project_scene(addon, scene, capture_folder, tmp_path):
 
 
 @pytest.fixture
-def two_splits(bpy, addon, tmp_path):
-    """A capture as NeRF-synthetic's: both its photos are called r_000, one to learn from and one to test."""
+def two_splits(addon, tmp_path):
+    """A NeRF-synthetic capture whose training and test photo are both called r_000."""
     folder = make_capture(addon, tmp_path / "splits", 2, 24, 16)
     content = json.loads((folder / "transforms.json").read_text())
     for number, (split, frame) in enumerate(zip(("train", "test"), content["frames"], strict=True)):
@@ -167,14 +167,8 @@ def two_splits(bpy, addon, tmp_path):
 
 
 @pytest.fixture(scope="session")
-def learned_files(tmp_path_factory):
-    """Where the first test that needs a learned project leaves it for the others."""
-    return tmp_path_factory.mktemp("learned")
-
-
-@pytest.fixture(scope="session")
 def layers_file(tmp_path_factory):
-    """A layered picture of the fake engine's objects, 40 x 30 pixels, written by the engine's own code."""
+    """A 40 x 30 layered EXR of the fake engine's objects, written by the real engine."""
     python = ENGINE_PYTHON or ROOT / ".venv" / "engine" / "bin" / "python"
     folder = tmp_path_factory.mktemp("layers")
     script = Path(__file__).parent / "compositor" / "make_layers.py"
@@ -183,10 +177,17 @@ def layers_file(tmp_path_factory):
     return folder / "layers" / "photo_0.exr"
 
 
+def run_without_extension(code, blend, out):
+    """Open a file in a Blender without the extension, and run code that writes to `out`."""
+    start = "import os, sys, bpy, numpy as np\nblend, out = sys.argv[-2:]\nbpy.ops.wm.open_mainfile(filepath=blend)\n"
+    code = f'{start}assert not hasattr(bpy.types.Scene, "karf")\n{code}\nos._exit(0)'
+    subprocess.run([sys.executable, "-c", code, blend, out], check=True, capture_output=True, timeout=120)
+
+
 @pytest.fixture
-def learned(bpy, addon, capture_folder, learned_files, tmp_path):
-    """The scene with palettes and its first view shown; the engine has run once for all tests."""
-    karf, project, kept = addon.steps, tmp_path / "project", learned_files / "project"
+def learned(bpy, addon, capture_folder, tmp_path_factory, tmp_path):
+    """The scene with palettes and its first view shown; the engine runs once for all tests."""
+    karf, project, kept = addon.steps, tmp_path / "project", tmp_path_factory.getbasetemp() / "learned_project"
     if kept.exists():
         shutil.copytree(kept, project)
     karf.import_capture(bpy.context.scene, capture_folder, project)
@@ -208,7 +209,7 @@ def pytest_sessionfinish(session, exitstatus):
 
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure(config):
-    # bpy 4.2 and 4.5 crash or hang at the interpreter's exit where anything of Blender is left alive
+    # bpy 4.2 and 4.5 crash or hang when the interpreter exits with Blender objects alive
     if _has_blender and _exit_code is not None:
         sys.stdout.flush()
         sys.stderr.flush()

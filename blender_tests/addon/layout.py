@@ -1,10 +1,10 @@
-"""A stand-in for the layout that Blender gives to what is drawn."""
+"""A stand-in for Blender's UI layout."""
 
 from types import SimpleNamespace
 
 
 class Layout:
-    """Stands in for Blender's layout: checks what is drawn and remembers it."""
+    """Checks what is drawn and records it."""
 
     def __init__(self, bpy, drawn):
         self._bpy, self._drawn = bpy, drawn
@@ -22,12 +22,11 @@ class Layout:
         return self.row(), self.row()
 
     def panel_prop(self, data, name):
-        """Opened, whatever the property says: what is drawn in it is checked too."""
+        """Always open, to check its content too."""
         assert name in data.bl_rna.properties
         return self.row(), self.row()
 
     def popover(self, panel, text="", **options):
-        """With what it opens: that is drawn too."""
         self._add(text, **options)
         getattr(self._bpy.types, panel).draw(SimpleNamespace(layout=self.row()), self._bpy.context)
 
@@ -35,16 +34,15 @@ class Layout:
         self._add(text, **options)
 
     def separator(self):
-        """A gap."""
+        """Nothing is drawn."""
 
     def context_pointer_set(self, name, data):
-        """Menus and operators below find it in their context."""
+        """Nothing is drawn."""
 
     def progress(self, factor, text):
         assert 0 <= factor <= 1
         self._add(text)
 
-    # --- properties --------------------------------------------------------------------------------------------------
     def prop(self, data, name, **options):
         assert name in data.bl_rna.properties
         self._add(name, **options)
@@ -65,7 +63,6 @@ class Layout:
         assert collection in data.bl_rna.properties and active in active_data.bl_rna.properties
         self._add(kind)
 
-    # --- menus and operators -----------------------------------------------------------------------------------------
     def menu(self, name, text="", **options):
         assert hasattr(self._bpy.types, name)
         self._add(name, **options)
@@ -84,17 +81,17 @@ class Layout:
 
 
 class Properties:
-    """An operator's properties as the layout gives them."""
+    """An operator's properties as the layout returns them."""
 
-    def __init__(self, known):
-        object.__setattr__(self, "known", known)
+    def __init__(self, names):
+        object.__setattr__(self, "names", names)
 
     def __setattr__(self, name, value):
-        assert name in self.known
+        assert name in self.names
 
 
 def drawn_preferences(bpy, preferences):
-    """All texts of the extension's preferences, in one."""
+    """All text drawn in the extension's preferences, as one string."""
     drawn = []
     type(preferences).draw(SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=preferences.bl_rna), None)
     return " ".join(drawn)

@@ -1,4 +1,4 @@
-"""Edit planes that count as made from what a project has learned."""
+"""Edit planes that match what a project has learned."""
 
 from karf_engine.palettes.compositing import write_planes
 from karf_engine.project import Project
@@ -6,7 +6,7 @@ from karf_engine.project.state import result_fingerprint
 
 
 def write_current_planes(addon, scene, planes):
-    """Write edit planes of the scene's active view."""
+    """Write current edit planes of the scene's active view."""
     project = Project(addon.folders.project_of(scene).folder)
-    made_from = result_fingerprint(project.state(), "recoloring")
-    write_planes(project.planes_file(scene.karf.active_view), planes, made_from)
+    fingerprint = result_fingerprint(project.state(), "recoloring")
+    write_planes(project.planes_file(scene.karf.active_view), planes, fingerprint)

@@ -1,4 +1,4 @@
-"""A learned project with more to edit than the fake engine's: shades of paints, pixels of many mixtures, two views."""
+"""A learned project with more to edit than the fake engine's: shades, mixed pixels and two views."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ HEIGHT, WIDTH = 16, 24
 
 
 def enrich(bpy, folder):
-    """Give the scene whose project is in a folder these palettes, and two views to recolor; the first is shown."""
+    """Give the scene's project richer palettes and two prepared views, and show the first."""
     project, karf = Project(folder), bpy.context.scene.karf
     palettes = [Palette(name, np.array(colors, np.float32)) for name, colors in LEARNED.items()]
     write_palettes(project.palette_file, palettes, shared=False)
@@ -25,15 +25,15 @@ def enrich(bpy, folder):
     write_object_colors(project.object_colors_file, {name: _histogram(planes, name) for name in LEARNED})
     project.finish("palette", "rich")
     project.finish("recoloring", "rich")
-    made_from = result_fingerprint(project.state(), "recoloring")
+    fingerprint = result_fingerprint(project.state(), "recoloring")
     for view, each in zip(VIEWS, planes, strict=True):
-        write_planes(project.planes_file(view), each, made_from)
-    karf.project = karf.project  # chosen anew: it brings its palettes
+        write_planes(project.planes_file(view), each, fingerprint)
+    karf.project = karf.project  # setting it loads the palettes
     karf.active_view = VIEWS[0]
 
 
 def _planes(seed):
-    """The lid on the left, the pot on the right, a gray wall between: what the palettes mix, and some grain."""
+    """The lid on the left, the pot on the right, a gray wall between, with some noise."""
     random, columns = np.random.default_rng(seed), np.arange(WIDTH) / (WIDTH - 1)
     present = {"lid": np.clip(4 * (0.55 - columns), 0, 1), "pot": np.clip(4 * (columns - 0.45), 0, 1)}
     most = max(map(len, LEARNED.values()))
@@ -43,16 +43,15 @@ def _planes(seed):
         share = random.random((len(colors), HEIGHT, WIDTH)) ** 8
         share[random.integers(1, len(colors), (HEIGHT, WIDTH)), *np.indices((HEIGHT, WIDTH))] += 1
         own[: len(colors)] = share / share.sum(axis=0) * present[name]
-        picture = picture * (1 - present[name][:, None]) + np.einsum(
-            "mhw,mc->hwc", own[: len(colors)], np.array(colors)
-        )
+        mixed = np.einsum("mhw,mc->hwc", own[: len(colors)], np.array(colors))
+        picture = picture * (1 - present[name][:, None]) + mixed
     picture += random.normal(scale=0.01, size=picture.shape)
     weights = weights.astype(np.float16)
     return Planes(tuple(LEARNED), weights, weights.sum(axis=1), np.rint(picture.clip(0, 1) * 255).astype(np.uint8))
 
 
 def _histogram(planes, name):
-    """An object's colors: those of every third pixel that is all its own."""
+    """The colors of every third pixel that only this object covers."""
     number, count = list(LEARNED).index(name), len(LEARNED[name])
     own = [each.palette_weights[number, :count, each.probabilities[number] > 0.99] for each in planes]
     weights = np.concatenate(own).astype(np.float64)[::3]

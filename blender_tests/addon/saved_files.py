@@ -1,6 +1,6 @@
-"""Files that a version has saved, and what it shows of them: data/saved_by_<version>/, written by data/make_saved_file.py.
+"""Opens, edits and reads files saved by earlier versions, data/saved_by_<version>/ (see data/make_saved_file.py).
 
-Whatever saves or opens such a file here uses only what a .blend, a script or a button does, and so runs in any version.
+It uses only what a .blend file, a script or a button can do, to run in any version.
 """
 
 import json
@@ -10,12 +10,12 @@ import numpy as np
 
 DATA = Path(__file__).parent / "data"
 FRAMES = (1, 4, 11)
-# of the session and not of the file, or pointers to what the rest tells
+# not stored in the file, or a pointer to data that is compared otherwise
 LEFT_OUT = {"rna_type", "project", "capture", "masks", "out", "frames"}
 
 
 def everything_stored(group):
-    """All properties of a group, those of its groups and collections too, as JSON has them; pointers by name."""
+    """All properties of a group and of those within it, as JSON values; pointers by name."""
     found = {}
     for prop in group.bl_rna.properties:
         if prop.identifier in LEFT_OUT:
@@ -34,13 +34,6 @@ def everything_stored(group):
     return found
 
 
-def palettes_shown(bpy, folder):
-    """The palette of each object as the picture shows it, and all else of an edit file."""
-    path = Path(folder) / "shown.json"
-    bpy.ops.karf.save_edit(filepath=str(path))
-    return json.loads(path.read_text())
-
-
 def picture(bpy):
     """The recolored picture, [H, W, 3] bytes."""
     image = bpy.context.scene.karf.result
@@ -50,46 +43,41 @@ def picture(bpy):
 
 
 def colors(bpy):
-    """The colors that all swatches were given."""
+    """The colors of all swatches, by object."""
     objects = bpy.context.scene.karf.objects
     return {item.name: [[round(each, 6) for each in swatch.color] for swatch in item.swatches] for item in objects}
 
 
-# --- what is done to an opened file --------------------------------------------------------------------------------
-def _lid(bpy):
-    return bpy.context.scene.karf.objects["lid"]
-
-
-def _pot(bpy):
-    return bpy.context.scene.karf.objects["pot"]
+def _item(bpy, name):
+    return bpy.context.scene.karf.objects[name]
 
 
 def _added(bpy):
     """The lid's first added color, and its number."""
-    return next((number, each) for number, each in enumerate(_lid(bpy).swatches) if each.is_added)
+    return next((number, each) for number, each in enumerate(_item(bpy, "lid").swatches) if each.is_added)
 
 
 def _drag(bpy, index, start, end):
-    """Drag a swatch of the pot over some colors."""
+    """Drag a swatch of the pot in three steps."""
     for share in (0.3, 0.6, 1.0):
-        _pot(bpy).swatches[index].color = [a + share * (b - a) for a, b in zip(start, end, strict=True)]
+        _item(bpy, "pot").swatches[index].color = [a + share * (b - a) for a, b in zip(start, end, strict=True)]
 
 
 def _drag_target(bpy):
-    pot = _pot(bpy)
+    pot = _item(bpy, "pot")
     pot.live = True
     pot.target = (0.5, 0.25, 0.6)
     pot.target = (0.3, 0.25, 0.6)
 
 
 def _press_becomes(bpy):
-    _pot(bpy).target = (0.2, 0.6, 0.7)
+    _item(bpy, "pot").target = (0.2, 0.6, 0.7)
     bpy.ops.karf.becomes(object_name="pot")
 
 
 def _split(bpy):
     bpy.ops.karf.split_swatch(object_name="pot", index=1)
-    _pot(bpy).swatches[1].color = (0.3, 0.3, 0.9)
+    _item(bpy, "pot").swatches[1].color = (0.3, 0.3, 0.9)
 
 
 def _reset(bpy):
@@ -97,13 +85,9 @@ def _reset(bpy):
         bpy.ops.karf.reset_swatch(object_name=name)
 
 
-def _at_frame(frame):
-    return lambda bpy: bpy.context.scene.frame_set(frame)
-
-
 TRIALS = {
     "opened": lambda bpy: None,
-    **{f"frame {frame}": _at_frame(frame) for frame in FRAMES},
+    **{f"frame {frame}": lambda bpy, frame=frame: bpy.context.scene.frame_set(frame) for frame in FRAMES},
     "linked swatch dragged": lambda bpy: _drag(bpy, 4, (0.9, 0.8, 0.3), (0.4, 0.5, 0.7)),
     "leader of a merged swatch dragged": lambda bpy: _drag(bpy, 1, (0.8, 0.2, 0.0), (0.0, 0.6, 0.5)),
     "added color dragged": lambda bpy: setattr(_added(bpy)[1], "color", (0.7, 0.3, 0.5)),
@@ -119,11 +103,11 @@ TRIALS = {
 }
 
 
-def tried(bpy, blend, trial, folder):
-    """Open a file, do something to it, and tell what there is then: values, and the picture."""
+def run_trial(bpy, blend, trial, folder):
+    """Open a file, run a trial, and return the values and the picture that result."""
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     TRIALS[trial](bpy)
-    karf = bpy.context.scene.karf
-    told = {"colors": colors(bpy), "shown": palettes_shown(bpy, folder), "look": karf.look}
-    return told, picture(bpy)
+    bpy.ops.karf.save_edit(filepath=str(folder / "shown.json"))
+    shown, look = json.loads((folder / "shown.json").read_text()), bpy.context.scene.karf.look
+    return {"colors": colors(bpy), "shown": shown, "look": look}, picture(bpy)

@@ -1,4 +1,4 @@
-"""The command that draws the scene of a seed as a capture."""
+"""The command that renders the scene of a seed as a capture."""
 
 import json
 import subprocess
@@ -14,9 +14,9 @@ SEED = 240  # a scene of few photos
 
 
 def make(bpy, out):
-    """Run the command in a process of its own: it starts from Blender's factory settings."""
+    """Run the command in its own process, which starts from Blender's factory settings."""
     if bpy.app.version >= (5, 0, 0):
-        pytest.skip("captures are made with the Blender of requirements/, whose compositor has other nodes")
+        pytest.skip("captures are made with the Blender of requirements/, which has another compositor")
     command = [sys.executable, "-m", "tools.scenes", "--seed", str(SEED), "--size", "24", "--samples", "1"]
     subprocess.run([*command, "--out", str(out)], cwd=ROOT, check=True, capture_output=True)
     return out
@@ -31,7 +31,7 @@ def read(path):
     return iio.imread(path).astype(int)[..., :3]
 
 
-def test_a_capture_holds_photos_labels_recolors_and_masks_that_agree(capture):
+def test_photos_labels_recolors_and_masks_of_a_capture_agree(capture):
     names = json.loads((capture / "labels" / "names.json").read_text())
     edits = json.loads((capture / "edits.json").read_text())["edits"]
     for split, count in (("train", 14), ("test", 8)):
@@ -52,7 +52,7 @@ def test_a_capture_holds_photos_labels_recolors_and_masks_that_agree(capture):
         assert (mask & truth).sum() > 0.5 * (mask | truth).sum()
 
 
-def test_a_seed_gives_the_same_scene_each_time(bpy, capture, tmp_path):
+def test_same_seed_gives_the_same_files(bpy, capture, tmp_path):
     again = make(bpy, tmp_path / "again")
     for path in (*capture.glob("transforms_*.json"), *capture.glob("labels/*/*.png"), capture / "edits.json"):
         assert (again / path.relative_to(capture)).read_bytes() == path.read_bytes()

@@ -1,5 +1,4 @@
-"""The walls between the rooms: no torch in Blender, no bpy in the engine, one door between them, no threads, no import
-upwards."""
+"""Import rules: the engine without bpy, Blender's side without torch and threads, and packages in layers."""
 
 import ast
 import subprocess
@@ -11,25 +10,21 @@ import pytest
 from ..layering import violations
 
 ROOT = Path(__file__).resolve().parents[2]
+OWN = ("karf_engine", "karf_blender")
 # files of the extension that run without Blender
 PURE = ("engine_api", "swatches/solving", "engine/failures", "engine/processes", "engine/worker", "engine/installer/*")
-# the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
+# the packages of karf_blender, lowest layer first: each may import only lower layers
 FLOORS = (
     ("session",),
     ("engine_api", "translations"),
-    ("host",),
-    ("progress",),
-    ("engine",),
-    ("preferences",),
-    ("project",),
-    ("pictures",),
-    ("nodes",),
+    *((name,) for name in ("host", "progress", "engine", "preferences", "project", "pictures", "nodes")),
     ("compositor", "rig", "surface", "swatches", "tasks"),
     ("marking", "render_engine", "workspace"),
     ("properties", "steps"),
     ("operators", "panels"),
     ("__init__",),
 )
+BLENDER_PACKAGES = {"bpy", "bmesh", "mathutils", "gpu", "bl_ext"}
 THREADS = {"threading", "_thread", "concurrent", "multiprocessing", "asyncio"}
 ENGINE_PACKAGES = {"torch", "scipy", "PIL", "imageio", "safetensors", "filelock", "cv2", "OpenEXR", "pycolmap", "numba"}
 
@@ -41,56 +36,45 @@ def sources(folder):
 
 
 def imports(path):
-    """(dots, module) of every import in a file; `from . import name` gives (1, name)."""
+    """(number of dots, top package) of every import in a file; `from . import name` gives (1, name)."""
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            yield from ((0, alias.name) for alias in node.names)
-        if isinstance(node, ast.ImportFrom):
-            names = [node.module] if node.module else [alias.name for alias in node.names]
-            yield from ((node.level, name) for name in names)
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module]
+        yield from ((getattr(node, "level", 0), name.partition(".")[0]) for name in names)
 
 
-def top(module):
-    return module.partition(".")[0]
+def importers(folder, packages, *, relative):
+    """The names of the files that import a package, by any import or only by absolute ones."""
+    found = [(path.name, *each) for path in sources(folder) for each in imports(path)]
+    return {name for name, dots, package in found if package in packages and (relative or not dots)}
 
 
-def offenders(folder, is_bad):
-    return [(path.name, module) for path in sources(folder) for dots, module in imports(path) if is_bad(dots, module)]
+@pytest.mark.parametrize(
+    ("folder", "forbidden"),
+    [("karf_engine", BLENDER_PACKAGES), ("karf_blender", ENGINE_PACKAGES), ("karf_blender", THREADS)],
+    ids=["Blender in the engine", "engine packages in Blender", "threads in Blender"],
+)
+def test_forbidden_packages_are_not_imported(folder, forbidden):
+    assert importers(folder, forbidden, relative=False) == set()
 
 
-def test_the_engine_never_imports_blender():
-    names = {"bpy", "bmesh", "mathutils", "gpu", "bl_ext"}
-    assert offenders("karf_engine", lambda dots, module: not dots and top(module) in names) == []
+def test_only_engine_api_imports_the_engine():
+    assert importers("karf_blender", {"karf_engine"}, relative=True) == {"engine_api.py"}
 
 
-def test_the_blender_side_never_imports_what_only_the_engine_has():
-    assert offenders("karf_blender", lambda dots, module: not dots and top(module) in ENGINE_PACKAGES) == []
+@pytest.mark.parametrize("folder", OWN)
+def test_imports_within_the_extension_are_relative(folder):
+    # run as a folder __main__ has no package to be relative to
+    assert importers(folder, OWN, relative=False) <= {"__main__.py"}
 
 
-def test_the_blender_side_has_no_threads():
-    assert offenders("karf_blender", lambda dots, module: not dots and top(module) in THREADS) == []
+def test_only_compat_reads_blenders_version():
+    readers = [path.name for path in sources("karf_blender") if "app.version" in path.read_text()]
+    assert readers == ["compat.py"]
 
 
-def test_only_one_file_opens_the_door_to_the_engine():
-    doors = {name for name, _ in offenders("karf_blender", lambda dots, module: top(module) == "karf_engine")}
-    assert doors == {"engine_api.py"}
-
-
-def test_imports_within_the_extension_are_relative():
-    own = ("karf_engine", "karf_blender")
-    found = [
-        name for folder in own for name, _ in offenders(folder, lambda dots, module: not dots and top(module) in own)
-    ]
-    # run as a folder it has no package to be relative to
-    assert set(found) <= {"__main__.py"}
-
-
-def test_only_compat_asks_for_blenders_version():
-    asking = [path.name for path in sources("karf_blender") if "app.version" in path.read_text()]
-    assert asking == ["compat.py"]
-
-
-def test_what_blender_shares_with_the_engine_imports_where_there_is_only_numpy():
+def test_shared_modules_import_with_only_numpy():
     folder = ROOT / "karf_blender"
     files = [file for name in PURE for file in sorted(folder.glob(f"{name}.py"))]
     modules = [".".join(("shared.karf_blender", *file.relative_to(folder).with_suffix("").parts)) for file in files]
@@ -100,7 +84,7 @@ import importlib, sys, types
 sys.modules.update(dict.fromkeys({sorted(ENGINE_PACKAGES | {"bpy", "mathutils"})}))
 for name, folder in (("shared", {str(ROOT)!r}), ("shared.karf_blender", {str(folder)!r})):
     sys.modules[name] = types.ModuleType(name)
-    sys.modules[name].__path__ = [folder]  # without their own __init__, which needs Blender
+    sys.modules[name].__path__ = [folder]  # without __init__, which needs Blender
 for name in {modules}:
     importlib.import_module(name)
 engine = [name for name in sys.modules if name.startswith("shared.karf_engine.")]
@@ -110,8 +94,7 @@ assert len(engine) > 60, engine
     assert done.returncode == 0, done.stderr
 
 
-# --- layering ------------------------------------------------------------------------------------------------------
-def test_imports_in_the_blender_side_run_down_from_floor_to_floor():
+def test_packages_import_only_lower_layers():
     assert violations(ROOT / "karf_blender", FLOORS) == []
 
 
@@ -135,14 +118,11 @@ SAWS = {"saw": "from . import drill", "drill": ""}
         (
             {"attic": ""},
             (("cellar",),),
-            [
-                "The room attic is on no floor of the table.",
-                "The room cellar of the table is not in the package.",
-            ],
+            ["The room attic is on no floor of the table.", "The room cellar of the table is not in the package."],
         ),
     ],
 )
-def test_an_import_against_the_floors_is_reported(tmp_path, sources, floors, sentences):
+def test_imports_against_the_layers_are_reported(tmp_path, sources, floors, sentences):
     for name, source in sources.items():
         path = (tmp_path / "house" / name).with_suffix(".py")
         path.parent.mkdir(parents=True, exist_ok=True)

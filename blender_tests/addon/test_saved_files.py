@@ -1,4 +1,4 @@
-"""A file that an earlier version has saved opens with everything that was done in it, and goes on as it did then."""
+"""Files saved by earlier versions open with all their edits and behave as before."""
 
 import json
 import shutil
@@ -6,64 +6,62 @@ import shutil
 import numpy as np
 import pytest
 
-from .saved_files import DATA, TRIALS, everything_stored, tried
+from .saved_files import DATA, TRIALS, everything_stored, run_trial
 
 SAVED = sorted(folder.name for folder in DATA.glob("saved_by_*"))
 FORGOTTEN = {"last", "given"}  # properties that no version needs any more
-TOLERANCE = 1e-4  # of colors; numpy's versions round otherwise
-# In 0.1.0 a linked swatch began a drag with the color of the other one, and merged ones depended on the drag's way; now
-# each begins with its own color, and the last color alone counts.
-OTHERWISE = {"linked swatch dragged": 0.01, "leader of a merged swatch dragged": 0.15}
+TOLERANCE = 1e-4  # of colors, which numpy versions round differently
+# In 0.1.0 a linked swatch started a drag from the other's color, and merged ones depended on the path of the drag; now
+# each starts from its own color, and only the last color counts.
+CHANGED = {"linked swatch dragged": 0.01, "leader of a merged swatch dragged": 0.15}
 
 
 @pytest.fixture
 def saved(request, tmp_path):
-    """The folder of a saved file, where it can be written."""
+    """A writable copy of a saved file's folder."""
     return shutil.copytree(DATA / request.param, tmp_path / "saved")
 
 
-@pytest.fixture
-def expected(saved):
-    return json.loads((saved / "expected.json").read_text())
-
-
 def levels(text):
-    """The channels of the colors of a text like "#rrggbb #rrggbb", 0 to 255."""
+    """The channels of a text like "#rrggbb #rrggbb", 0 to 255."""
     return [float(each) for color in text.split() for each in bytes.fromhex(color.removeprefix("#"))]
 
 
-def compare(found, wanted, place="", tolerance=TOLERANCE):
-    """Everything that was told must be told still; numbers may be rounded otherwise, and there may be more."""
-    if isinstance(wanted, dict):
-        gone = wanted.keys() - found.keys() - FORGOTTEN
+def compare(found, expected, place="", tolerance=TOLERANCE):
+    """Assert that all expected values are found, up to rounding; more may be there."""
+    if isinstance(expected, dict):
+        gone = expected.keys() - found.keys() - FORGOTTEN
         assert not gone, f"{place}: {sorted(gone)} are gone"
-        for name, value in ((name, value) for name, value in wanted.items() if name in found):
-            compare(found[name], value, f"{place}.{name}", tolerance)
-    elif isinstance(wanted, list):
-        assert len(found) == len(wanted), place
-        for number, value in enumerate(wanted):
+        for name in expected.keys() & found.keys():
+            compare(found[name], expected[name], f"{place}.{name}", tolerance)
+    elif isinstance(expected, list):
+        assert len(found) == len(expected), place
+        for number, value in enumerate(expected):
             compare(found[number], value, f"{place}[{number}]", tolerance)
-    elif isinstance(wanted, str) and wanted.startswith(
-        "#"
-    ):  # colors as #rrggbb, of numbers that may be rounded otherwise
-        compare(levels(found), levels(wanted), place, tolerance=1.0)
-    elif isinstance(wanted, float):
-        assert found == pytest.approx(wanted, abs=tolerance), place
+    elif isinstance(expected, str) and expected.startswith("#"):
+        compare(levels(found), levels(expected), place, tolerance=1.0)
+    elif isinstance(expected, float):
+        assert found == pytest.approx(expected, abs=tolerance), place
     else:
-        assert found == wanted, place
+        assert found == expected, place
+
+
+def assert_trial(bpy, saved, trial, folder):
+    """Run a trial on a saved file and compare the values and the picture with what the file's version gave."""
+    values, picture = run_trial(bpy, saved / "scene.blend", trial, folder)
+    tolerance = CHANGED.get(trial, TOLERANCE)
+    compare(values, json.loads((saved / "expected.json").read_text())["trials"][trial], trial, tolerance)
+    expected = np.load(saved / "pictures.npz")[trial.replace(" ", "_")]
+    assert np.abs(picture.astype(int) - expected).max() <= max(1, 255 * tolerance)
 
 
 @pytest.mark.parametrize("saved", SAVED, indirect=True)
-def test_all_that_was_stored_is_there(bpy, addon, saved, expected):
+def test_stored_properties_are_kept(bpy, addon, saved):
     bpy.ops.wm.open_mainfile(filepath=str(saved / "scene.blend"))
-    compare(everything_stored(bpy.context.scene.karf), expected["stored"])
+    compare(everything_stored(bpy.context.scene.karf), json.loads((saved / "expected.json").read_text())["stored"])
 
 
 @pytest.mark.parametrize("trial", TRIALS)
 @pytest.mark.parametrize("saved", SAVED, indirect=True)
-def test_it_shows_and_does_what_it_did(bpy, addon, saved, expected, trial, tmp_path):
-    told, picture = tried(bpy, saved / "scene.blend", trial, tmp_path)
-    tolerance = OTHERWISE.get(trial, TOLERANCE)
-    compare(told, expected["trials"][trial], trial, tolerance)
-    wanted = np.load(saved / "pictures.npz")[trial.replace(" ", "_")]
-    assert np.abs(picture.astype(int) - wanted).max() <= max(1, 255 * tolerance)
+def test_edits_give_the_same_colors_and_picture(bpy, addon, saved, trial, tmp_path):
+    assert_trial(bpy, saved, trial, tmp_path)

@@ -1,8 +1,8 @@
-"""The session: state that is dropped in time, timers that end, the message bus; and no state beside it."""
+"""The session holds all state, timers, draw handlers and message bus subscriptions, and ends them in time."""
 
 import ast
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -16,30 +16,21 @@ def session(addon):
     addon.extension.register()
 
 
-def test_a_state_is_closed_and_dropped_with_its_file_or_with_the_session(bpy, addon, session):
+def test_state_is_closed_with_its_file_or_the_session(bpy, addon, session):
     closed = []
-
-    class OfFile:
-        per_file = True
-
-        def close(self):
-            closed.append("file")
-
-    class OfSession:
-        def close(self):
-            closed.append("session")
-
-    first, second = session.get(OfFile), session.get(OfSession)
-    assert session.get(OfFile) is first and session.get(OfSession) is second
+    of_file = type("OfFile", (), {"per_file": True, "close": lambda self: closed.append("file")})
+    of_session = type("OfSession", (), {"close": lambda self: closed.append("session")})
+    first, second = session.get(of_file), session.get(of_session)
+    assert session.get(of_file) is first and session.get(of_session) is second
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert closed == ["file"] and session.get(OfSession) is second
-    session.get(OfFile)
+    assert closed == ["file"] and session.get(of_session) is second
+    session.get(of_file)
     addon.extension.unregister()
     addon.extension.register()
     assert sorted(closed) == ["file", "file", "session"]
 
 
-def test_timers_are_started_once_and_end_with_the_session(bpy, addon, session):
+def test_timers_start_once_and_end_with_the_session(bpy, addon, session):
     def timer():
         """Never called here."""
 
@@ -54,19 +45,15 @@ def test_timers_are_started_once_and_end_with_the_session(bpy, addon, session):
     assert not bpy.app.timers.is_registered(timer)
 
 
-def test_drawing_functions_are_added_to_their_editors_and_removed(addon, session):
+def test_draw_handlers_are_added_and_removed(addon, session):
     drawn, package = [], ModuleType("package")
 
-    class Editor:
-        @staticmethod
-        def draw_handler_add(function, arguments, region, moment):
-            drawn.append((function, region, moment))
+    def add(function, arguments, region, moment):
+        drawn.append((function, region, moment))
 
-        @staticmethod
-        def draw_handler_remove(handler, region):
-            drawn.pop()
+    editor = SimpleNamespace(draw_handler_add=add, draw_handler_remove=lambda handler, region: drawn.pop())
 
-    @session.draw_handler(Editor, "POST_VIEW")
+    @session.draw_handler(editor, "POST_VIEW")
     def draw():
         """Never called here."""
 
@@ -79,21 +66,18 @@ def test_drawing_functions_are_added_to_their_editors_and_removed(addon, session
     assert not drawn
 
 
-def test_the_extension_subscribes_to_scenes_clicks_and_sidebars_anew_in_each_file(bpy, addon, session, monkeypatch):
+def test_each_file_subscribes_to_scenes_clicks_and_sidebars(bpy, addon, session, monkeypatch):
     sidebars = {("SpaceView3D", "show_region_ui"), ("SpaceImageEditor", "show_region_ui"), ("Area", "ui_type")}
     expected = {("Window", "scene"), ("LayerObjects", "active"), *sidebars}
     subscribed, owners = set(), set()
 
-    class Bus:
-        @staticmethod
-        def subscribe_rna(key, owner, args, notify):
-            subscribed.add((key[0].__name__, key[1]))
-            owners.add(owner)
+    def subscribe(key, owner, args, notify):
+        subscribed.add((key[0].__name__, key[1]))
+        owners.add(owner)
 
-        clear_by_owner = owners.discard
-
-    pretended = type("Bpy", (), {name: getattr(bpy, name) for name in ("app", "types", "utils")} | {"msgbus": Bus})
-    monkeypatch.setattr(session, "bpy", pretended)
+    bus = SimpleNamespace(subscribe_rna=subscribe, clear_by_owner=owners.discard)
+    fake_bpy = SimpleNamespace(app=bpy.app, types=bpy.types, utils=bpy.utils, msgbus=bus)
+    monkeypatch.setattr(session, "bpy", fake_bpy)
     bpy.ops.wm.read_homefile(use_empty=True)
     assert subscribed == expected and owners
     addon.extension.unregister()
@@ -102,18 +86,17 @@ def test_the_extension_subscribes_to_scenes_clicks_and_sidebars_anew_in_each_fil
     assert owners
 
 
-# --- no state beside the session -------------------------------------------------------------------------------------
 METHODS = set("add append clear discard extend insert pop popitem remove setdefault update cache_clear".split())
 CONTAINERS = (ast.List, ast.Dict, ast.Set, ast.ListComp, ast.DictComp, ast.SetComp)
 
 
-def assigned(*trees):
+def assigned_names(*trees):
     nodes = [node for tree in trees for node in ast.walk(tree)]
     return {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
 
 
-def changed(tree):
-    """Yield the names of what is changed in place."""
+def changed_names(tree):
+    """Yield the names of objects that are changed_names in place."""
     owners = [node for node in ast.walk(tree) if isinstance(node, ast.Subscript | ast.Attribute)]
     for node in (each for each in owners if isinstance(each.value, ast.Name)):
         if not isinstance(node.ctx, ast.Load) or getattr(node, "attr", "") in METHODS:
@@ -121,16 +104,16 @@ def changed(tree):
 
 
 def module_state(source):
-    """The names of what a module's functions change at its top, and of containers that all objects of a class share."""
+    """The module-level names that a module's functions change, and containers that all objects of a class share."""
     tree = ast.parse(source)
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     cached = {node.name for node in tree.body if isinstance(node, ast.FunctionDef) and node.decorator_list}
-    top = cached | assigned(*(node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)))
+    top = cached | assigned_names(*(node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)))
     found = {name for each in ast.walk(tree) if isinstance(each, ast.Global) for name in each.names}
-    found |= {name for each in functions for name in changed(each)} & (top - assigned(*functions))
+    found |= {name for each in functions for name in changed_names(each)} & (top - assigned_names(*functions))
     for kind in (each for each in tree.body if isinstance(each, ast.ClassDef) and not each.name.startswith("KARF_")):
         shared = [node for node in kind.body if isinstance(getattr(node, "value", None), CONTAINERS)]
-        found |= {f"{kind.name}.{name}" for name in assigned(*shared) - {"bl_options"}}
+        found |= {f"{kind.name}.{name}" for name in assigned_names(*shared) - {"bl_options"}}
     return found
 
 

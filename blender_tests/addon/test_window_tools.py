@@ -1,4 +1,4 @@
-"""What the stories in a window ask the extension for is there: they run in no test."""
+"""The window stories of tools/, which no test runs, use only names that the extension has."""
 
 import importlib
 import re
@@ -7,13 +7,13 @@ from pathlib import Path
 from .conftest import MODULE
 
 FOLDER = Path(__file__).resolve().parents[2] / "tools" / "window"
-ASKED = re.compile(r'module\("([\w.]+)"\)\.(\w+)')
+USED = re.compile(r'module\("([\w.]+)"\)\.(\w+)')
 
 
-def test_modules_have_what_the_stories_use(addon):
+def test_names_used_by_window_stories_exist(addon):
     texts = [path.read_text() for path in FOLDER.glob("*.py")]
-    asked = {found for text in texts for found in ASKED.findall(text)}
-    assert ("tasks.runner", "is_running") in asked and len(asked) > 8
-    assert sum(text.count("module(") for text in texts) == sum(len(ASKED.findall(text)) for text in texts) + 1
-    modules = {name: importlib.import_module(f"{MODULE}.karf_blender.{name}") for name, _ in asked}
-    assert {(name, attribute) for name, attribute in asked if not hasattr(modules[name], attribute)} == set()
+    used = {found for text in texts for found in USED.findall(text)}
+    assert ("tasks.runner", "is_running") in used and len(used) > 8
+    assert sum(text.count("module(") for text in texts) == sum(len(USED.findall(text)) for text in texts) + 1
+    modules = {name: importlib.import_module(f"{MODULE}.karf_blender.{name}") for name, _ in used}
+    assert {(name, attribute) for name, attribute in used if not hasattr(modules[name], attribute)} == set()

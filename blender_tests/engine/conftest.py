@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-LONG_PATH = 180  # characters of a folder: what is in a project needs some more
+LONG_PATH = 180  # characters of a folder; files of a project below it need more
 QUICK = tuple(
     """
     geometry.long_side=32 geometry.samples=16000 geometry.max_rays=2048 geometry.features=6
@@ -29,12 +29,12 @@ QUICK = tuple(
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--device", default="cpu", help="where tensors live: cpu, cuda, cuda:NUMBER or pretend")
-    parser.addoption("--device-report", type=Path, metavar="FILE", help="write what came of each test as JSON")
+    parser.addoption("--device-report", type=Path, metavar="FILE", help="write each test's outcome as JSON")
 
 
 @pytest.fixture
 def device(request) -> Iterator:
-    """The torch.device that `--device` names; every test that makes tensors makes them there."""
+    """The torch.device of `--device`; every test that makes tensors makes them there."""
     torch = pytest.importorskip("torch")
     name = request.config.getoption("device")
     if name == "pretend":
@@ -46,7 +46,7 @@ def device(request) -> Iterator:
         yield torch.device(name)
 
 
-OUTCOMES = {}  # of this session's tests: name -> outcome, seconds, and what was raised
+OUTCOMES = {}  # test name -> outcome, seconds and error, for the device report
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
@@ -62,21 +62,21 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     import torch
 
     name = session.config.getoption("device")
-    facts = {
+    report = {
         "device": name,
         "hardware": torch.cuda.get_device_name(name) if name.startswith("cuda") else platform.processor(),
         "system": platform.platform(),
         "torch": torch.__version__,
         "cuda": torch.version.cuda,
+        "tests": OUTCOMES,
     }
-    path.write_text(json.dumps(facts | {"tests": OUTCOMES}, indent=1))
+    path.write_text(json.dumps(report, indent=1))
 
 
 @pytest.fixture(scope="session")
 def scenes() -> Path:
     """Folder of real captures: KARF_SCENES, else shared/scenes beside the checkout; tests are skipped without it."""
-    beside = ROOT.parent / "shared" / "scenes"
-    folder = Path(os.environ.get("KARF_SCENES", beside))
+    folder = Path(os.environ.get("KARF_SCENES", ROOT.parent / "shared" / "scenes"))
     if not folder.is_dir():
         pytest.skip("no folder of real captures (set KARF_SCENES)")
     return folder
@@ -97,20 +97,24 @@ def run_engine(*arguments, python=(), environment=None, **options) -> subprocess
 
 @pytest.fixture(scope="session")
 def wheel(tmp_path_factory) -> Path:
-    """The engine's wheel, built from a copy of the sources by this environment's own setuptools, without a network."""
-    folder = tmp_path_factory.mktemp("wheel")
-    sources = folder / "sources"
+    """The engine's wheel, built from a copy of the sources without network."""
+    sources = tmp_path_factory.mktemp("wheel") / "sources"
     shutil.copytree(ROOT / "karf_engine", sources / "karf_engine", ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, sources)
+    return build_wheel(sources)
+
+
+def build_wheel(sources: Path) -> Path:
+    """Build a wheel beside its sources with this environment's own setuptools."""
     build = "from setuptools import build_meta; print(build_meta.build_wheel('..'))"
     done = subprocess.run([sys.executable, "-c", build], cwd=sources, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return folder / done.stdout.splitlines()[-1]
+    return sources.parent / done.stdout.splitlines()[-1]
 
 
 def odd_folder(parent: Path) -> Path:
-    """A folder as users have them: with a space and letters of other alphabets, and a long path (Windows: 259)."""
+    """A folder as users have them: with spaces, letters of other alphabets, and a long path (Windows: 259)."""
     folder = parent / "Jürgen's Töpfe (壺) & 100 %"
     folder /= "x" * max(1, LONG_PATH - len(str(folder)) - 1)
     folder.mkdir(parents=True)
@@ -123,10 +127,10 @@ class StillLife:
 
     capture: Path
     masks: Path
-    photos: dict  # the truth by split/stem
+    photos: dict  # the true pictures by split/stem
 
     def command(self, project: Path, *more: str) -> list[str]:
-        """Arguments that learn everything of it, quickly."""
+        """Arguments that learn all stages quickly."""
         settings = [part for text in (*QUICK, *more) for part in ("--set", text)]
         places = [str(self.capture), "--masks", str(self.masks), "--project", str(project)]
         return ["all", *places, "--threads", "1", *settings]
@@ -134,7 +138,7 @@ class StillLife:
 
 @pytest.fixture(scope="session")
 def still_life(tmp_path_factory) -> StillLife:
-    """The still life, photographed from 16 sides and two held-out ones."""
+    """The still life, photographed from 16 views and two held-out ones."""
     from blender_tests.engine.reference.still_life import write_capture, write_masks
 
     folder = odd_folder(tmp_path_factory.mktemp("still life"))
@@ -161,7 +165,7 @@ def learned(still_life, tmp_path_factory) -> Learned:
 
 
 def of_field(model):
-    """The same project with `render.source=field`: its voxels render any camera, not its splats."""
+    """The same project with `render.source=field`: voxels, not splats, render any camera."""
     from karf_engine.project.contents import settings_for
     from karf_engine.recolor.model import Model  # needs torch
 
@@ -170,10 +174,9 @@ def of_field(model):
 
 
 def finish_again(folder, *stages):
-    """Finish stages of a project again with the outputs that they have; later stages are then unfinished."""
+    """Finish stages again with their present outputs, which makes later stages unfinished."""
     from karf_engine.project import Project
 
     project = Project(folder)
-    known = {stage: project.finished(stage) for stage in stages}
-    for stage in stages:
-        project.finish(stage, "again", folder=known[stage]["folder"], files=known[stage]["files"])
+    for stage, known in {stage: project.finished(stage) for stage in stages}.items():
+        project.finish(stage, "again", folder=known["folder"], files=known["files"])

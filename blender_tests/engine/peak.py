@@ -1,4 +1,4 @@
-"""How much memory code takes, measured in a process of its own."""
+"""Measure the peak memory of code in its own process."""
 
 import subprocess
 import sys
@@ -8,18 +8,15 @@ from blender_tests.engine.conftest import ROOT
 HEAD = f"import re, resource, sys; from pathlib import Path; sys.path.insert(0, {str(ROOT)!r})\n"
 TAIL = """
 finally:
-    own = re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())  # getrusage has the parent's in it
+    own = re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())  # getrusage includes the parent's
     print(max(int(own[1]), resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss))
 """
 
 
 def peak_of(code: str, *arguments: object, fails_with: str = "") -> int:
-    """Bytes that code takes at most, or the largest of its children does; Linux.
+    """Peak bytes of one line of code, or of its largest child process; Linux.
 
-    Args:
-        code: One line; it may use `sys.argv` and `Path`.
-        arguments: `sys.argv[1:]`.
-        fails_with: The error that it must raise, if any.
+    The code may use `Path`, and the arguments as `sys.argv[1:]`; `fails_with` is the error that it must raise, if any.
     """
     command = [sys.executable, "-c", f"{HEAD}try:\n    {code}{TAIL}", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True)

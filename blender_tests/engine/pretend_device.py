@@ -1,8 +1,8 @@
-"""A device that is not the CPU and costs nothing: placement can be tested where there is no graphics card.
+"""A pretend device, to test the placement of tensors without a graphics card.
 
-Tensors on `pretend` hold their values in the processor's memory and are computed there, but say that they are elsewhere:
-an operation on them and on tensors of the CPU is refused, and so are `.numpy()` and a generator of the other device.
-It is torch's "private use" device with Python in the place of a backend; one process has it for good.
+Tensors on `pretend` are held and computed by the CPU but report another device: operations that mix them with tensors
+of the CPU fail, and so do `.numpy()` and a generator of the other device. It is torch's "private use" device with
+Python as its backend; once set up, it stays for the whole process.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NAME = "pretend"
 _setup_privateuseone_for_python_backend(NAME)
 aten = torch.ops.aten
 CARRYING = (aten._to_copy.default, aten.copy_.default)  # values across devices
-JOINING = (aten.cat.default, aten.stack.default)  # nowhere may these mix in even a single number of the CPU
+JOINING = (aten.cat.default, aten.stack.default)  # on no device do these take even a single number of the CPU
 
 
 class WrongDevice(RuntimeError):
@@ -33,7 +33,7 @@ class WrongDevice(RuntimeError):
 
 
 class PretendTensor(Tensor):
-    """A tensor that says it is on the pretend device. values: what it holds, on the CPU."""
+    """A tensor that reports the pretend device. values: its content, on the CPU."""
 
     @staticmethod
     def __new__(cls, values: Tensor) -> PretendTensor:
@@ -50,14 +50,14 @@ class PretendTensor(Tensor):
 
 
 class _Operations(TorchDispatchMode):
-    """Makes tensors on the pretend device where they are asked for."""
+    """Makes tensors on the pretend device on request."""
 
     def __torch_dispatch__(self, function, types, args=(), kwargs=None) -> Any:
         return _run(function, args, kwargs or {})
 
 
 class _Calls(TorchFunctionMode):
-    """What a subclass of Tensor does otherwise than a device's tensors, and generators, which operations do not show."""
+    """Corrects where subclasses of Tensor differ from a device's tensors, and checks generators."""
 
     def __torch_function__(self, function, types, args=(), kwargs=None) -> Any:
         kwargs = kwargs or {}
@@ -87,7 +87,7 @@ class _Generator(torch.Generator):
 
 @contextmanager
 def pretend_device() -> Iterator[torch.device]:
-    """The pretend device, for as long as the context lasts; jobs know it by its name."""
+    """The pretend device within the context; jobs find it by its name."""
     device, real = torch.device(NAME), runtime.find_device
 
     def find_device(name: str | None) -> torch.device:
@@ -103,17 +103,17 @@ def _is_pretend(device: torch.device | str | None) -> bool:
 
 
 def _index(tensor: Tensor, index: Any) -> tuple:
-    """The index with tensors beside its tensor in the place of lists, which torch itself would make there."""
+    """The index with its lists as tensors on the device of the indexed tensor, as torch makes them."""
     parts = index if isinstance(index, tuple) else (index,)
     return tuple(torch.tensor(part).to(tensor.device) if isinstance(part, list) else part for part in parts)
 
 
 def _run(function, args: tuple, kwargs: dict[str, Any]) -> Any:
-    """Run an operation on the values, and say that the result is where the operation's tensors are."""
+    """Run an operation on the values; its result is on the device of its tensors."""
     tensors = [value for value in tree_leaves((args, kwargs)) if isinstance(value, Tensor)]
     strangers = [tensor for tensor in tensors if not isinstance(tensor, PretendTensor)]
     if function not in CARRYING and 0 < len(strangers) < len(tensors):
-        # single numbers of the CPU go with everything, as on real devices
+        # single numbers of the CPU mix with everything, as on real devices
         if function in JOINING or any(tensor.dim() for tensor in strangers):
             raise WrongDevice(f"{function} on tensors of the CPU and of another device")
     is_pretend, where = len(strangers) < len(tensors), {}
@@ -122,5 +122,5 @@ def _run(function, args: tuple, kwargs: dict[str, Any]) -> Any:
     args_of_values, kwargs_of_values = tree_map_only(PretendTensor, lambda tensor: tensor.values, (args, kwargs))
     result = function(*args_of_values, **kwargs_of_values | where)
     if function._schema.is_mutable and result is not None:
-        return kwargs.get("out", args[0])  # what was written to
+        return kwargs.get("out", args[0])  # the tensor written to
     return tree_map_only(Tensor, PretendTensor, result) if is_pretend else result

@@ -1,4 +1,4 @@
-"""The door: what a researcher imports, with plain values and no command line, job or Blender."""
+"""The library's public functions: plain values in and out, without command line, job or Blender."""
 
 import errno
 import math
@@ -28,7 +28,7 @@ def model(learned):
     return karf.load(learned.project, device="cpu")
 
 
-def test_every_name_of_the_door_is_documented_and_the_door_opens_without_torch():
+def test_public_names_are_documented_and_import_without_torch():
     assert set(karf.__all__) == set(karf._HOME) | {"__version__"}
     assert [name for name in karf._HOME if not getattr(karf, name).__doc__] in ([], ["PRESETS"])
     used = "karf.open_capture; karf.learn; karf.read_edit"
@@ -36,22 +36,21 @@ def test_every_name_of_the_door_is_documented_and_the_door_opens_without_torch()
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
 
 
-def test_a_capture_that_was_changed_in_memory_is_learned_as_changed_and_told_of_in_lines(still_life, tmp_path):
+def test_learn_takes_a_changed_capture_and_reports_progress_lines(still_life, tmp_path):
     capture = karf.open_capture(still_life.capture)
     fewer = replace(capture, views=tuple(view for view in capture.views if view.name != "train_r_1"))
     lines = []
-    learning = LEARNING | {"project": tmp_path / "project", "progress": lines.append}
-    model = karf.learn(fewer, still_life.masks, **learning)
+    model = karf.learn(fewer, still_life.masks, project=tmp_path / "project", progress=lines.append, **LEARNING)
     assert model.objects == ["ball", "block"] and len(model.palettes) == 2
     assert len(model.capture.views) == len(capture.views) - 1
     assert any(line.startswith("segmentation ") for line in lines)
 
 
-def test_torch_is_left_as_the_caller_had_it(learned, tmp_path):
+def test_library_calls_leave_torch_state_unchanged(learned, tmp_path):
     import torch
 
     def state():
-        return torch.get_num_threads(), torch.get_rng_state().tolist(), math.ulp(0.0) * 1.0
+        return torch.get_num_threads(), torch.get_rng_state().tolist(), math.ulp(0.0) * 1.0  # denormals are kept
 
     torch.set_num_threads(2)
     torch.manual_seed(5)
@@ -63,7 +62,7 @@ def test_torch_is_left_as_the_caller_had_it(learned, tmp_path):
     torch.set_num_threads(1)
 
 
-def test_ctrl_c_saves_what_is_learned_so_far_and_a_caller_can_stop(still_life, tmp_path):
+def test_ctrl_c_saves_a_checkpoint_and_should_stop_cancels(still_life, tmp_path):
     project = tmp_path / "project"
 
     def interrupt(kind, **values):
@@ -78,7 +77,7 @@ def test_ctrl_c_saves_what_is_learned_so_far_and_a_caller_can_stop(still_life, t
         karf.learn_geometry(still_life.capture, project=project, **LEARNING, should_stop=lambda: True)
 
 
-def test_a_frame_is_arrays_as_the_command_line_writes_them(model, learned, tmp_path):
+def test_frame_arrays_match_rendered_files(model, learned, tmp_path):
     view = model.capture.split("test")[0]
     frame = model.render(view.camera)
     n_objects, n_colors = model.learned_colors.shape[:2]
@@ -92,7 +91,7 @@ def test_a_frame_is_arrays_as_the_command_line_writes_them(model, learned, tmp_p
     np.testing.assert_array_equal(model.render_view(view).depth, depth)
 
 
-def test_an_edit_is_a_value_that_is_saved_and_read_back(model, tmp_path):
+def test_edit_is_immutable_and_survives_saving(model, tmp_path):
     plain = model.edit()
     edit = plain.swatch("block", 1, "#2060a0").swatch("ball", 1, (0.1, 1.5, 0.2))
     np.testing.assert_array_equal(plain.colors["block"], model.edit().colors["block"])
@@ -115,29 +114,29 @@ def test_an_edit_is_a_value_that_is_saved_and_read_back(model, tmp_path):
         (lambda edit: edit.swatch("ball", 1, (0.1, 0.2)), "is not a color"),
     ],
 )
-def test_an_impossible_edit_is_refused(model, change, words):
+def test_impossible_edits_are_rejected(model, change, words):
     with pytest.raises((BadRequest, DataError), match=re.escape(words)):
         change(model.edit())
 
 
-def test_an_edit_in_memory_is_written_as_its_file_is(model, learned, tmp_path):
+def test_edit_in_memory_renders_and_exports_like_its_file(model, learned, tmp_path):
     pytest.importorskip("numba")
     edit = model.edit().swatch("block", 1, "#2060a0").edge("block", 1.5)
     edit.save(tmp_path / "edit.json")
     view = model.capture.split("test")[0].name
-    given = {"file": tmp_path / "edit.json", "memory": edit, "memories": [edit]}
-    for folder, value in given.items():
+    edits = {"file": tmp_path / "edit.json", "memory": edit, "list": [edit]}
+    for folder, value in edits.items():
         karf.render(learned.project, tmp_path / folder, views=view, edit=value, threads=1, device="cpu")
     written = [path.relative_to(tmp_path / "file") for path in (tmp_path / "file").rglob("*.png")]
     assert any(path.parts[0] == "recolor" for path in written)
     for path in written:
-        assert len({(tmp_path / folder / path).read_bytes() for folder in given}) == 1, path
+        assert len({(tmp_path / folder / path).read_bytes() for folder in edits}) == 1, path
     for name in ("file", "memory"):
-        karf.export_splat(learned.project, tmp_path / f"{name}.ply", edit=given[name], threads=1, device="cpu")
+        karf.export_splat(learned.project, tmp_path / f"{name}.ply", edit=edits[name], threads=1, device="cpu")
     assert (tmp_path / "file.ply").read_bytes() == (tmp_path / "memory.ply").read_bytes()
 
 
-def test_settings_may_be_a_dictionary_and_a_device_one_of_torch(monkeypatch, learned):
+def test_settings_dictionary_and_torch_device_are_accepted(monkeypatch, learned):
     import torch
 
     def options_given(**options):
@@ -156,7 +155,7 @@ def test_settings_may_be_a_dictionary_and_a_device_one_of_torch(monkeypatch, lea
     assert karf.load(learned.project, device=torch.device("cpu")).device == torch.device("cpu")
 
 
-def test_a_model_of_a_learned_scene_alone_has_no_edits(learned, tmp_path):
+def test_model_with_only_geometry_rejects_edits(learned, tmp_path):
     project = shutil.copytree(learned.project, tmp_path / "project")
     finish_again(project, "geometry")
     model = karf.load(project, device="cpu")
@@ -168,7 +167,7 @@ def test_a_model_of_a_learned_scene_alone_has_no_edits(learned, tmp_path):
         model.recolor(view, karf.Edit({}))
 
 
-def test_rendering_reads_nothing_of_the_project_again(learned, tmp_path):
+def test_loaded_model_renders_without_its_project(learned, tmp_path):
     copy = shutil.copytree(learned.project, tmp_path / "project")
     model = karf.load(copy, device="cpu")
     edit, view = model.edit().swatch("block", 1, "#2060a0"), model.capture.split("test")[0]
@@ -179,21 +178,21 @@ def test_rendering_reads_nothing_of_the_project_again(learned, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("raised", "told", "words"),
+    ("raised", "expected", "words"),
     [
         (OSError(errno.ENOSPC, "No space left on device", "/disk/geometry"), DataError, "The disk is full"),
         (MemoryError(), OutOfMemory, "ran out of memory"),
-        (ZeroDivisionError("a fault of ours"), ZeroDivisionError, "a fault of ours"),
+        (ZeroDivisionError("an internal error"), ZeroDivisionError, "an internal error"),
     ],
 )
-def test_what_the_system_refuses_is_a_sentence_too(monkeypatch, tmp_path, raised, told, words):
+def test_system_errors_become_library_errors(monkeypatch, tmp_path, raised, expected, words):
     monkeypatch.setattr("karf_engine.api.run_command", Mock(side_effect=raised))
-    with pytest.raises(told, match=words):
+    with pytest.raises(expected, match=words):
         karf.extract_palettes(tmp_path)
 
 
 @pytest.mark.parametrize("place", ["typo", "capture", "."])
-def test_loading_what_is_no_project_is_refused_and_makes_nothing(still_life, tmp_path, place):
+def test_loading_a_folder_without_project_fails_and_writes_nothing(still_life, tmp_path, place):
     shutil.copytree(still_life.capture, tmp_path / "capture")
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(karf.KarfError, match=r"project\.json is missing|does not exist|no project"):
@@ -201,7 +200,7 @@ def test_loading_what_is_no_project_is_refused_and_makes_nothing(still_life, tmp
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_masks_that_fit_no_photo_are_said_before_anything_is_learned(still_life, tmp_path):
+def test_unmatched_masks_are_rejected_before_learning(still_life, tmp_path):
     (tmp_path / "masks" / "pot").mkdir(parents=True)
     shutil.copy(next((still_life.masks / "ball").iterdir()), tmp_path / "masks" / "pot" / "no_such_photo.png")
     for masks in (tmp_path / "masks", tmp_path / "typo"):

@@ -1,4 +1,4 @@
-"""Examples in docstrings run."""
+"""Examples in docstrings run and print what they show."""
 
 import doctest
 import importlib
@@ -12,6 +12,6 @@ MODULES = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FI
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_examples_give_what_they_print(name):
+def test_docstring_examples_hold(name):
     results = doctest.testmod(importlib.import_module(name), optionflags=doctest.NORMALIZE_WHITESPACE)
     assert results.attempted and not results.failed

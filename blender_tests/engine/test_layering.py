@@ -1,4 +1,4 @@
-"""Rooms of the engine and of the tools from the ground up: each may import those on lower floors, and no others."""
+"""The engine and the tools import only from lower floors, without circles; tools stay short."""
 
 import ast
 
@@ -35,15 +35,15 @@ TOOLS = (
 
 
 @pytest.mark.parametrize(("package", "floors"), [("karf_engine", FLOORS), ("tools", TOOLS)])
-def test_imports_run_down_and_never_in_a_circle(package, floors):
+def test_imports_only_run_downward(package, floors):
     assert violations(ROOT / package, floors) == []
 
 
 @pytest.mark.parametrize("path", modules(ROOT / "tools").values(), ids=lambda path: path.stem)
-def test_a_tool_is_short_and_imports_no_stage_but_what_it_declares(path):
+def test_tool_is_short_and_imports_only_options_of_stages(path):
     text = path.read_text(encoding="utf-8")
     nodes = list(ast.walk(ast.parse(text)))
-    named = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
-    named |= {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
-    private = {name for name in named if name.startswith("karf_engine.commands")}
-    assert private <= {"karf_engine.commands.options"} and text.count("\n") <= 300
+    imported = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
+    imported |= {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    stages = {name for name in imported if name.startswith("karf_engine.commands")}
+    assert stages <= {"karf_engine.commands.options"} and text.count("\n") <= 300

@@ -1,4 +1,4 @@
-"""The notebooks run from their first cell to their last, in a small setting, and leave the pictures they speak of."""
+"""The notebooks run from start to end with small settings and write their pictures."""
 
 import os
 import subprocess
@@ -16,7 +16,7 @@ PICTURES = {
 
 
 @pytest.mark.parametrize("script", sorted((ROOT / "notebooks").glob("*.py")), ids=lambda path: path.stem)
-def test_a_notebook_runs_and_shows_pictures(script, tmp_path):
+def test_notebook_runs_and_writes_pictures(script, tmp_path):
     small = {"KARF_NOTEBOOK": "small", "KARF_NOTEBOOK_OUT": str(tmp_path), "OMP_NUM_THREADS": "1"}
     options = {"cwd": tmp_path, "env": os.environ | small | {"PYTHONPATH": str(ROOT)}, "timeout": 300}
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, **options)

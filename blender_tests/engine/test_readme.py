@@ -1,4 +1,4 @@
-"""The library snippet of README.md runs as printed on the demo capture, from the wheel alone."""
+"""The library snippet of README.md runs as printed on the demo capture with only the wheel installed."""
 
 import subprocess
 import sys
@@ -15,7 +15,7 @@ assert picture[frame.masks[model.objects.index("pot")]].mean(0).argmax() == 2, "
 """
 
 
-def test_the_snippet_runs_as_printed(wheel, tmp_path):
+def test_readme_snippet_runs_as_printed(wheel, tmp_path):
     section = (ROOT / "README.md").read_text(encoding="utf-8").partition("## The library\n")[2]
     snippet = section.partition("```python\n")[2].partition("```")[0]
     home, work = tmp_path / "home", tmp_path / "work"
@@ -23,11 +23,11 @@ def test_the_snippet_runs_as_printed(wheel, tmp_path):
     place = Path(sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)}))
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(place), str(wheel)]
     subprocess.run(install, check=True)
-    # torch and the rest come from this environment, which has no karf_engine of its own
+    # torch and other packages come from this environment, where karf_engine is not installed
     (place / "packages.pth").write_text(sysconfig.get_path("purelib"))
     work.mkdir()
     (work / "demo").symlink_to(ROOT / "demo")
-    command = [str(home / "bin" / "python"), "-c", snippet + CHECKS]
+    command = [home / "bin" / "python", "-c", snippet + CHECKS]
     done = subprocess.run(command, cwd=work, capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1].startswith("(256, 256, 3)")

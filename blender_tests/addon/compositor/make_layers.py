@@ -1,6 +1,6 @@
-"""Run by the engine's Python: write layers of the fake engine's objects, and what the engine makes of them, to a folder.
+"""Run by the engine's Python: writes layers of the fake engine's objects, and the engine's recoloring, to a folder.
 
-layers/photo_0.exr, exposed.exr (another exposure) and, with OpenColorIO, acescg.exr; and truth.npz: `coverage`
+layers/ gets photo_0.exr, exposed.exr (another exposure) and, with OpenColorIO, acescg.exr; truth.npz gets `coverage`
 [2, 30, 40], `edited` [2, 3, 3], `recolored` and `exposed` [30, 40, 3].
 """
 
@@ -37,9 +37,8 @@ write_layers(folder / "layers" / "exposed.exr", replace(layers, gains=GAINS))
 if importlib.util.find_spec("PyOpenColorIO"):
     write_layers(folder / "layers" / "acescg.exr", layers, color_space("ACEScg"))
 
-learned, edited = (
-    stack_palettes(list(LEARNED), {n: np.array(c) for n, c in each.items()}) for each in (LEARNED, EDITED)
-)
+arrays = [{name: np.array(colors) for name, colors in each.items()} for each in (LEARNED, EDITED)]
+learned, edited = (stack_palettes(list(LEARNED), each) for each in arrays)
 base, weights = base.astype(np.float32) / 255, weights.astype(np.float32)
 recolored = delta_composite(base, weights, learned, edited)
 exposed = delta_composite(base, weights, learned * np.float32(GAINS), edited * np.float32(GAINS))

@@ -1,11 +1,11 @@
-"""The compositor: mattes that Blender's own node reads, and nodes that recompose what the engine recolors."""
+"""The compositor: Blender's own node reads the mattes, and KaRF's nodes recolor as the engine does."""
 
 import shutil
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+
+from ..conftest import run_without_extension
 
 NAMES = ("lid", "pot")
 LEVEL = 1 / 255
@@ -20,14 +20,14 @@ def truth(layers_file):
 
 @pytest.fixture
 def compositor(addon, scene):
-    """The scene's compositing nodes, with no 3D scene to render."""
+    """The compositing nodes of a scene that renders 40 x 30 pixels."""
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 40, 30, 100
     scene.view_settings.view_transform = "Standard"
     return addon.compat.compositing_tree(scene)
 
 
 def load(bpy, addon, path):
-    """A picture in scene-linear, [30, 40, 3], top row first."""
+    """A scene-linear picture, [30, 40, 3], top row first."""
     image = bpy.data.images.load(str(path))
     pixels = addon.images.pixels(image)[..., :3].copy()
     bpy.data.images.remove(image)
@@ -40,7 +40,7 @@ def as_display(addon, light):
 
 @pytest.fixture
 def composite(bpy, addon, scene, compositor, tmp_path):
-    """A function that renders, and returns what the compositor gives: scene-linear, or as it is displayed."""
+    """A function that renders and returns the compositor's picture, as displayed or scene-linear."""
 
     def composite(is_displayed=True):
         settings = scene.render.image_settings
@@ -69,15 +69,13 @@ def set_edit(addon, scene, truth):
 
 @pytest.fixture
 def built(addon, learned, compositor, layers_file, monkeypatch):
-    """The node that recolors the active view, of a scene with swatches."""
+    """The node that recolors the active view of a scene with swatches."""
     monkeypatch.setenv("FAKE_LAYERS", str(layers_file))
     return addon.steps.build_compositor(learned).wait()
 
 
 @pytest.mark.parametrize("which, name", list(enumerate(NAMES)))
-def test_blenders_cryptomatte_node_gives_an_objects_coverage(
-    bpy, addon, compositor, composite, layers_file, truth, which, name
-):
+def test_cryptomatte_node_gives_object_coverage(bpy, addon, compositor, composite, layers_file, truth, which, name):
     node = compositor.nodes.new("CompositorNodeCryptomatteV2")
     node.source, node.image = "IMAGE", bpy.data.images.load(str(layers_file))
     assert node.layer_name == "CryptoObject"
@@ -90,13 +88,11 @@ def test_blenders_cryptomatte_node_gives_an_objects_coverage(
     ("file", "space", "expected"),
     [
         ("photo_0.exr", "", "recolored"),
-        ("exposed.exr", "", "exposed"),  # of a photo that is exposed otherwise
+        ("exposed.exr", "", "exposed"),  # of a photo with another exposure
         ("acescg.exr", "ACEScg", "recolored"),
     ],
 )
-def test_nodes_recompose_the_engines_picture_from_the_file_alone(
-    addon, scene, composite, layers_file, truth, file, space, expected
-):
+def test_nodes_recolor_as_the_engine_does(addon, scene, composite, layers_file, truth, file, space, expected):
     if not layers_file.with_name(file).exists():
         pytest.skip("the engine has no OpenColorIO")
     scene.karf.layer_space = space
@@ -108,7 +104,7 @@ def test_nodes_recompose_the_engines_picture_from_the_file_alone(
     assert np.abs(composite() - truth[expected]).max() < 0.5 * LEVEL
 
 
-def test_unedited_nodes_give_the_base(addon, scene, compositor, composite, layers_file):
+def test_unedited_nodes_give_the_base_picture(addon, scene, compositor, composite, layers_file):
     node = addon.steps.place_layers(scene, layers_file)
     ours = composite()
     compositor.links.new(node.inputs["Image"].links[0].from_socket, addon.compat.compositing_output(compositor))
@@ -131,30 +127,17 @@ def test_keyframed_swatches_are_followed(addon, learned, built, composite, set_e
     assert np.abs(composite() - truth["recolored"]).max() < 0.5 * LEVEL
 
 
-OPENED_BY_ANOTHER = """
-import os, sys, bpy
-blend, out = sys.argv[-2:]
-bpy.ops.wm.open_mainfile(filepath=blend)
-assert not hasattr(bpy.types.Scene, "karf")
-bpy.context.scene.render.filepath = out
-bpy.ops.render.render(write_still=True)
-os._exit(0)
-"""
-
-
 @pytest.mark.parametrize("driven", [True, False])
-def test_a_saved_file_recolors_without_the_extension(
-    bpy, addon, learned, built, composite, set_edit, truth, tmp_path, driven
-):
+def test_file_recolors_without_the_extension(bpy, addon, learned, built, composite, set_edit, truth, tmp_path, driven):
     assert bpy.ops.karf.build_compositor(driven=True) == {"FINISHED"}
     set_edit()
-    if not driven:  # sockets stand where the swatches do
+    if not driven:  # the sockets keep the swatches' colors
         addon.steps.build_compositor(learned).wait()
         assert not built.id_data.animation_data.drivers
-    composite()  # sets the output's format
+    composite()  # sets the output format
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "recolor.blend"))
-    command = [sys.executable, "-c", OPENED_BY_ANOTHER, str(tmp_path / "recolor.blend"), str(tmp_path / "opened.exr")]
-    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    render = "bpy.context.scene.render.filepath = out; bpy.ops.render.render(write_still=True)"
+    run_without_extension(render, tmp_path / "recolor.blend", tmp_path / "opened.exr")
     picture = as_display(addon, load(bpy, addon, tmp_path / "opened.exr"))
     assert np.abs(picture - truth["recolored"]).max() < 0.5 * LEVEL
 
@@ -167,8 +150,7 @@ def test_chosen_color_spaces_reach_the_engine(addon, learned):
     assert (options["photo_space"], options["ocio"]) == ("ACEScct", "/show/config.ocio")
 
 
-# --- what is in the tree, and what is said -------------------------------------------------------------------------
-def test_existing_links_stay(addon, learned, compositor, layers_file):
+def test_existing_links_are_kept(addon, learned, compositor, layers_file):
     own, output = compositor.nodes.new("CompositorNodeRGB"), addon.compat.compositing_output(compositor)
     compositor.links.new(own.outputs[0], output)
     node = addon.steps.place_layers(learned, layers_file)
@@ -189,7 +171,7 @@ def test_rebuilding_keeps_the_node_and_its_links(bpy, addon, learned, compositor
     assert (len(compositor.nodes), len(bpy.data.node_groups), len(bpy.data.images)) == count
 
 
-def test_size_view_transform_and_unknown_space_are_warned_of(addon, scene, compositor, layers_file):
+def test_unsuitable_render_settings_are_warned_of(addon, scene, compositor, layers_file):
     addon.steps.place_layers(scene, layers_file)
     assert not addon.progress.state().warnings.count("pixels, but the scene renders")
     scene.render.resolution_x, scene.view_settings.view_transform = 80, "AgX"
@@ -203,7 +185,7 @@ def test_size_view_transform_and_unknown_space_are_warned_of(addon, scene, compo
         assert warning in addon.progress.state().warnings
 
 
-def test_layers_of_other_palettes_do_not_follow_the_swatches(addon, learned, compositor, layers_file):
+def test_layers_of_other_palettes_do_not_follow_swatches(addon, learned, compositor, layers_file):
     learned.karf.objects["pot"].swatches[1].learned = (0.1, 0.1, 0.1)
     node = addon.steps.place_layers(learned, layers_file, driven=True)
     driven = {curve.data_path for curve in node.id_data.animation_data.drivers}
@@ -212,13 +194,13 @@ def test_layers_of_other_palettes_do_not_follow_the_swatches(addon, learned, com
     assert "The swatches of pot belong to other palettes" in addon.progress.state().warnings
 
 
-def test_a_picture_without_layers_is_refused(addon, learned, tmp_path):
+def test_picture_without_layers_is_rejected(addon, learned, tmp_path):
     (tmp_path / "none.exr").write_bytes(b"\x76\x2f\x31\x01" + bytes(20))
     with pytest.raises(addon.engine_api.DataError, match="holds no layers of KaRF"):
         addon.steps.place_layers(learned, tmp_path / "none.exr")
 
 
-def test_long_names_of_views_and_objects_stay_distinct(bpy, addon, scene, compositor, layers_file, tmp_path):
+def test_long_view_and_object_names_stay_distinct(bpy, addon, scene, compositor, layers_file, tmp_path):
     views = [tmp_path / f"{'very ' * 15}{end}.exr" for end in ("long", "lengthy")]
     for view in views:
         shutil.copy(layers_file, view)

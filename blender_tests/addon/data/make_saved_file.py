@@ -1,8 +1,8 @@
-"""Write the file of this version that later versions must open, with what it shows (see saved_files.py):
+"""Writes this version's file that later versions must open, with what it shows (see saved_files.py):
 
     KARF_ENGINE_PYTHON=.venv/engine/bin/python PYTHON -m pytest blender_tests/addon/data/make_saved_file.py
 
-PYTHON has the oldest Blender that the extension runs in, so that all others open what it writes.
+PYTHON has the oldest supported Blender, so that all others can open the file.
 """
 
 import json
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..rich_project import enrich
-from ..saved_files import DATA, TRIALS, everything_stored, tried
+from ..saved_files import DATA, TRIALS, everything_stored, run_trial
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -30,7 +30,7 @@ def test_make(bpy, addon, learned, capture_folder, tmp_path):
     expected = {"blender": bpy.app.version_string, "stored": everything_stored(bpy.context.scene.karf), "trials": {}}
     pictures = {}
     for trial in TRIALS:
-        expected["trials"][trial], pictures[trial.replace(" ", "_")] = tried(bpy, blend, trial, tmp_path)
+        expected["trials"][trial], pictures[trial.replace(" ", "_")] = run_trial(bpy, blend, trial, tmp_path)
     (tmp_path / "shown.json").unlink()
     shutil.rmtree(tmp_path / "project" / "jobs", ignore_errors=True)
     target = DATA / f"saved_by_{version}"
@@ -43,10 +43,10 @@ def test_make(bpy, addon, learned, capture_folder, tmp_path):
 
 
 def _edit(bpy):
-    """What an artist can do to swatches, and one of every kind of it."""
+    """Make one edit of every kind."""
     scene, ops = bpy.context.scene, bpy.ops.karf
     karf, lid, pot = scene.karf, scene.karf.objects["lid"], scene.karf.objects["pot"]
-    # two looks, and another one in use
+    # two looks, and an unsaved one in use
     pot.swatches[1].color = (0.7, 0.4, 0.1)
     ops.keep_look(name="Day")
     karf.compositing = "paper"
@@ -55,14 +55,14 @@ def _edit(bpy):
     ops.choose_look(name="Day")
     karf.compositing = "paper"
     ops.reset_swatch(object_name="pot")
-    # paint after paint: the first one is held
+    # one paint after the other: the first is held
     pot.show_becomes = True
     pot.source, pot.target = (0.8, 0.15, 0.1), (0.85, 0.5, 0.1)
     ops.becomes(object_name="pot")
     pot.source, pot.target = (0.15, 0.55, 0.2), (0.2, 0.3, 0.6)
     ops.becomes(object_name="pot")
     assert pot.held
-    # linked, merged, locked, with a surface, added, with an edge
+    # linked, merged and locked swatches, surfaces, an added color, an edge
     ops.link_swatches(object_name="pot", index=4, other_name="lid", other_index=3)
     ops.merge_swatch(object_name="pot", index=2, into=1)
     lid.swatches[2].locked = True
@@ -77,7 +77,7 @@ def _edit(bpy):
         lid.swatches[1].color, green.gloss = color, gloss
         lid.swatches[1].keyframe_insert("color", frame=frame)
         green.keyframe_insert("gloss", frame=frame)
-    # what else the panels have
+    # other settings
     karf.captured_size, karf.captured_pixels, karf.preset = "PIXELS", 333, "fine"
     karf.file_format, karf.color_mode, karf.color_depth = "OPEN_EXR", "RGBA", "32"
     karf.skip_existing = karf.fade_unseen = False

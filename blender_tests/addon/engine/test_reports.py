@@ -1,4 +1,4 @@
-"""A report has what a developer needs, and tells neither who the user is nor how they log in."""
+"""A report has what a developer needs, without names or logins of the user."""
 
 import json
 import shutil
@@ -38,32 +38,32 @@ def names(addon, monkeypatch):
     monkeypatch.setattr(addon.failures.platform, "node", lambda: COMPUTER)
 
 
-@pytest.mark.parametrize("text, told", TABLE)
-def test_names_and_logins_are_replaced(addon, text, told):
-    assert addon.failures.anonymous(text) == told
+@pytest.mark.parametrize("text, anonymous", TABLE)
+def test_names_and_logins_are_replaced(addon, text, anonymous):
+    assert addon.failures.anonymous(text) == anonymous
 
 
-def test_home_folders_on_windows_are_replaced_and_short_names_stay(addon):
+def test_windows_home_is_replaced_and_short_names_stay(addon):
     assert addon.failures.without_home("C:\\\\Users\\\\ada\\\\x", "C:\\Users\\ada") == "~\\\\x"
     assert addon.failures.without_home("/usr/bin", "/") == "/usr/bin"
     assert addon.failures.without_name("al", "al", "<user>") == "al"
 
 
-def test_report_of_a_job_has_versions_stage_and_log_without_names(addon, tmp_path):
+def test_job_report_has_versions_stage_and_log_without_names(addon, tmp_path):
     (tmp_path / "request.json").write_text(json.dumps({"stage": "geometry"}))
     hello = {"t": "hello", "n": 0, "time": 1, "protocol": 1, "torch": "2.13"}
     (tmp_path / "events.jsonl").write_text(json.dumps(hello) + "\n")
     (tmp_path / "engine.log").write_text("early\n" * 50 + f"open('{HOME}/a.png')\nlast line\n")
     versions = {"KaRF": "0.1", "Blender": "4.5", "Engine Python": f"{HOME}/venv/python"}
     text = addon.failures.compose(tmp_path, "The engine crashed (SIGSEGV).", versions)
-    for known in ("KaRF: 0.1", "Blender: 4.5", "System: ", "Stage: geometry", "torch 2.13", "SIGSEGV", "last line"):
-        assert known in text
+    for part in ("KaRF: 0.1", "Blender: 4.5", "System: ", "Stage: geometry", "torch 2.13", "SIGSEGV", "last line"):
+        assert part in text
     assert "Engine Python: ~/venv/python" in text and HOME not in text and text.count("early") == 28
     shutil.rmtree(tmp_path)
     assert "Log: \nnone" in addon.failures.compose(tmp_path, "It crashed.", versions)
 
 
-def test_report_of_findings_has_no_names(bpy, addon, chosen):
+def test_findings_report_has_no_names(bpy, addon, preferences):
     finding = addon.engine_api.Finding
     found = (
         finding("python", "ok", f"Python 3.11, {HOME}/engine/bin/python, is tested."),
@@ -72,7 +72,7 @@ def test_report_of_findings_has_no_names(bpy, addon, chosen):
     text = addon.failures.compose_findings(found, {"KaRF": "0.1.0", "Engine Python": f"{HOME}/engine/bin/python"})
     assert "KaRF: 0.1.0" in text and "~/engine/bin/python" in text and "error    8 GB are free" in text
     assert "schmidt" not in text.lower() and "lovelace" not in text
-    chosen.engine_python = sys.executable
+    preferences.engine_python = sys.executable
     assert not bpy.ops.karf.copy_findings.poll()
     with pytest.raises(RuntimeError):
         bpy.ops.karf.examine_engine()

@@ -1,4 +1,4 @@
-"""The engine's worker against a stand-in engine: every way a job can end is seen, named and cleaned up."""
+"""The engine's worker reports and cleans up every way in which a job can end, shown on the fake engine."""
 
 import itertools
 import json
@@ -15,7 +15,7 @@ ABORTED = "SIGABRT" if os.name == "posix" else "exit code .*"
 
 @pytest.fixture
 def begin(addon, tmp_path, capture_folder):
-    """A function that begins a job of the fake engine with a new worker, or with the given one."""
+    """A function that starts a job of the fake engine in a new or the given worker."""
     workers, numbers = [], itertools.count()
 
     def begin(behave="", worker=None, threads=0, python=sys.executable, **options):
@@ -31,7 +31,7 @@ def begin(addon, tmp_path, capture_folder):
 
 
 def wait(worker, seconds=20):
-    """Poll until the job has ended; returns its events."""
+    """Poll until the job ends; returns its events."""
     events, deadline = [], time.monotonic() + seconds
     while not worker.ended:
         events += worker.poll()
@@ -52,7 +52,7 @@ def test_a_job_reports_hello_progress_and_done(begin):
     assert (worker.folder / "engine.log").read_text() == "threads: 3\n"
 
 
-def test_silent_engine_is_ended_after_a_while(addon, begin):
+def test_silent_engine_is_ended_after_a_timeout(addon, begin):
     worker = begin("silent", hello_seconds=0.5)
     wait(worker)
     with pytest.raises(addon.engine_api.MissingDependency, match="did not answer"):
@@ -80,7 +80,7 @@ def test_engine_that_ignores_cancel_is_terminated(addon, begin, monkeypatch):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="process groups")
 def test_children_of_the_engine_end_with_it(addon, begin, tmp_path, monkeypatch):
-    """A pipe tells when the child, its last writer, has ended."""
+    """The pipe becomes readable when the child, its last writer, ends."""
     os.mkfifo(tmp_path / "pipe")
     reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
     script = f"import subprocess; subprocess.Popen(['sleep', '60'], stdout=open({str(tmp_path / 'pipe')!r}, 'w'))"
@@ -101,36 +101,26 @@ def test_engine_does_not_inherit_blenders_variables(begin, monkeypatch):
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
     worker = begin("environment")
     wait(worker)
-    seen = json.loads((worker.folder / "environment.json").read_text())
-    assert "PYTHONPATH" not in seen and "LD_LIBRARY_PATH" not in seen
-    assert seen["CUDA_VISIBLE_DEVICES"] == "1"
+    environment = json.loads((worker.folder / "environment.json").read_text())
+    assert "PYTHONPATH" not in environment and "LD_LIBRARY_PATH" not in environment
+    assert environment["CUDA_VISIBLE_DEVICES"] == "1"
 
 
-# --- one process for several jobs ----------------------------------------------------------------------------------
 @pytest.fixture
 def kept(addon):
-    """A worker whose process waits for the next job."""
+    """A worker whose process waits for another job."""
     return addon.worker.Worker(keep_seconds=60)
 
 
 @pytest.fixture
-def do(begin, kept):
-    """A function that begins a job of the kept worker, waits for its end, and returns the number of its process."""
+def run_job(begin, kept):
+    """A function that runs a job in the kept worker and returns the number of its process."""
 
-    def do(behave="", **options):
+    def run_job(behave="", **options):
         events = wait(begin(behave, kept, **options))
         return next((event["pid"] for event in events if event.get("pid")), None)
 
-    return do
-
-
-def test_one_process_does_three_jobs_each_in_its_own_folder(kept, do):
-    processes, folders = set(), set()
-    for _ in range(3):
-        processes.add(do())
-        folders.add(kept.folder)
-        kept.check()
-    assert len(processes) == 1 and len(folders) == 3
+    return run_job
 
 
 @pytest.mark.parametrize(
@@ -141,21 +131,21 @@ def test_one_process_does_three_jobs_each_in_its_own_folder(kept, do):
         ("crash", "KarfError", rf"^The engine crashed in the geometry job \({ABORTED}\)\. See its log for details\.$"),
     ],
 )
-def test_failure_is_one_sentence_and_affects_only_its_own_job(addon, kept, do, tmp_path, behave, error, sentence):
-    process = do()
-    do(behave)
+def test_failure_is_one_sentence_and_spares_other_jobs(addon, kept, run_job, tmp_path, behave, error, sentence):
+    process = run_job()
+    run_job(behave)
     with pytest.raises(getattr(addon.engine_api, error), match=sentence):
         kept.check()
     assert kept._process.poll() is not None
     project = addon.engine_api.Project(tmp_path / "project")
     assert project.geometry_file.exists() and project.finished("geometry")
-    assert do() != process
+    assert run_job() != process
     kept.check()
 
 
 @pytest.mark.parametrize("is_first", [True, False])
-def test_cancel_stops_a_job_at_a_safe_point_and_its_process_takes_no_other(addon, begin, kept, do, is_first):
-    process = None if is_first else do()
+def test_cancelled_process_takes_no_other_job(addon, begin, kept, run_job, is_first):
+    process = None if is_first else run_job()
     begin("wait for cancel", kept)
     wait_for_hello(kept)
     kept.cancel()
@@ -163,10 +153,10 @@ def test_cancel_stops_a_job_at_a_safe_point_and_its_process_takes_no_other(addon
     with pytest.raises(addon.engine_api.Cancelled):
         kept.check()
     assert kept._process.poll() is not None
-    assert do() != process
+    assert run_job() != process
 
 
-def test_process_cancelled_after_its_job_takes_no_other(begin, kept, do):
+def test_process_cancelled_after_its_job_takes_no_other(begin, kept, run_job):
     begin("", kept)
     events = kept.folder / "events.jsonl"
     while not events.exists() or '"done"' not in events.read_text():
@@ -175,17 +165,17 @@ def test_process_cancelled_after_its_job_takes_no_other(begin, kept, do):
     hello, *_ = wait(kept)
     kept.check()
     assert kept._process.poll() is not None
-    assert do() != hello["pid"]
+    assert run_job() != hello["pid"]
 
 
 @pytest.mark.parametrize("change", ["threads", "python", "environment", "too long", "gone"])
-def test_changed_settings_or_a_dead_process_start_a_new_one(kept, do, monkeypatch, tmp_path, change):
-    process = do()
+def test_changed_settings_or_dead_process_start_another(kept, run_job, monkeypatch, tmp_path, change):
+    process = run_job()
     before, settings = kept._process, {}
     if change == "threads":
-        settings["threads"] = 3
+        settings = {"threads": 3}
     elif change == "python":
-        settings["python"] = tmp_path / "python"
+        settings = {"python": tmp_path / "python"}
         settings["python"].symlink_to(sys.executable)
     elif change == "environment":
         monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
@@ -194,16 +184,16 @@ def test_changed_settings_or_a_dead_process_start_a_new_one(kept, do, monkeypatc
     else:
         before.kill()
         before.wait()
-    assert do(**settings) != process and before.poll() is not None
+    assert run_job(**settings) != process and before.poll() is not None
     kept.check()
 
 
 @pytest.mark.parametrize("is_busy", [True, False])
-def test_end_leaves_no_process(begin, kept, do, is_busy):
+def test_end_leaves_no_process(begin, kept, run_job, is_busy):
     if is_busy:
         begin("deaf", kept)
     else:
-        do()
+        run_job()
     assert kept._process.poll() is None
     kept.end()
     assert kept.ended and kept._process.poll() is not None

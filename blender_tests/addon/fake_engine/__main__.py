@@ -1,7 +1,7 @@
-"""A stand-in for the engine: the same command line, events and files in milliseconds, without torch.
+"""A stand-in for the engine: the same command line, events and files within milliseconds, without torch.
 
-Every pixel of a view is half object `pot`, half object `lid`; palettes have black and two colors. A recolored picture is
-one flat color: the pot's first swatch as edited. The request option `behave` makes it fail in the ways engines fail.
+Every pixel is half `pot`, half `lid`; palettes have black and two colors. A recolored picture is one flat color, the pot's
+first swatch as edited. The request option `behave` makes it fail in the ways engines fail.
 """
 
 import json
@@ -33,11 +33,11 @@ from karf_engine.project.state import result_fingerprint
 from karf_engine.worker.protocol import PROTOCOL, WARM, EventWriter, Request, decode_line
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
-SHARES = (0.125, 0.25, 0.125)  # of the three palette entries, each object; exact in float16
+SHARES = (0.125, 0.25, 0.125)  # weights of each object's three palette colors; exact in float16
 
 
 def main(job, is_waiting):
-    """Run a job, and those that follow on standard input where it shall wait for them."""
+    """Run a job and, if asked to wait, those that follow on standard input."""
     code = run(job)
     while is_waiting and (line := sys.stdin.readline()) not in ("cancel\n", ""):
         code = run(Path(decode_line(line)))
@@ -50,7 +50,7 @@ def run(job):
     emit("hello", protocol=PROTOCOL, engine="fake", python="3", torch="none", device="none", pid=os.getpid())
     if request.stage == WARM:
         return answer_queries(job, emit)
-    options_of_job(request.stage, request.project, request.options)  # refuses what the engine would
+    options_of_job(request.stage, request.project, request.options)  # raises the engine's errors
     emit("stage", name=request.stage)
     emit("progress", stage=request.stage, step=1, total=2, rate=10.0, eta_s=0.1, metrics={"loss": 0.5})
     emit("warning", code="fake", sentence="This is not a real engine.")
@@ -83,32 +83,32 @@ def misbehave(how, emit):
 
 def answer_queries(job, emit):
     for line in sys.stdin:
-        asked = decode_line(line)
-        behave = asked.options.get("behave", "")
+        query = decode_line(line)
+        behave = query.options.get("behave", "")
         if behave == "crash":
             os.abort()
-        elif behave == "idle":  # it ends just when a query comes
+        elif behave == "idle":  # exits just when a query comes
             break
         elif behave == "refuse":
-            emit("refused", id=asked.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
+            emit("refused", id=query.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
         elif behave == "busy":
             time.sleep(60)
         elif behave == "drop":
-            emit("dropped", id=asked.number)
+            emit("dropped", id=query.number)
         else:
-            emit("answer", id=asked.number, **QUERIES[asked.kind](job, asked.options))
+            emit("answer", id=query.number, **QUERIES[query.kind](job, query.options))
     emit("done")
     return 0
 
 
-# --- queries ---------------------------------------------------------------------------------------------------------
+# --- queries: functions of a job's folder and the options -----------------------------------------------------------
 def echo(job, options):
-    """What was asked, and by which process."""
+    """The options, and the number of this process."""
     return {"options": options, "pid": os.getpid()}
 
 
 def propose(job, options):
-    """The box, and three pixels around the clicks on the object, without those around other clicks."""
+    """The box and 3 pixels around clicks on the object, minus those around other clicks."""
     view = open_capture(options["capture"]).view(options["view"])
     rows, columns = np.mgrid[0 : view.camera.height, 0 : view.camera.width] + 0.5
     mask, prompts = np.zeros(rows.shape, bool), options["prompts"]
@@ -133,7 +133,7 @@ def masks(job, options):
 
 
 def preview(job, options):
-    """Planes of the camera, all of one gray: its distance from the world's origin, times 20 of 255."""
+    """Planes of one gray: the camera's distance from the origin, times 20 of 255."""
     camera = camera_from_json(options["camera"], "the query").reduced(options["long_side"])
     path, planes = new_file(job, "npz"), planes_of(camera)
     planes.base[:] = min(255, round(20 * np.linalg.norm(camera.position)))
@@ -142,7 +142,7 @@ def preview(job, options):
 
 
 def show(job, options):
-    """The pot's first swatch as edited, darker by row; the scene fills the upper half, as far off as the camera is."""
+    """The pot's first swatch, darker by row; the scene fills the upper half, as far away as the origin is."""
     camera = camera_from_json(options["camera"], "the query")
     height, width = camera.height, camera.width
     color = options["edit"]["objects"]["pot"]["colors"][1] if options["edit"] else (1, 1, 1)
@@ -156,12 +156,12 @@ def show(job, options):
         "seen": np.full((height, width), 0.75 if options["unseen"] == "faded" else 0.25),
     }
     metadata = {"cryptomatte/1234567/name": options.get("cryptomatte", "")}
-    asked = {name: arrays[name] for name in options.get("passes", ["color"])}
-    return write_arrays(job, asked) | {"size": [width, height], "metadata": metadata, "seconds": 0.01}
+    passes = {name: arrays[name] for name in options.get("passes", ["color"])}
+    return write_arrays(job, passes) | {"size": [width, height], "metadata": metadata, "seconds": 0.01}
 
 
 def harmonics(job, options):
-    """Of as many splats as there are points: the pot's first swatch as edited, and three more that count the points."""
+    """One splat per point: the pot's first swatch, and higher harmonics that count the points."""
     count = options["points"]["count"]
     colors = np.empty((count, 4, 3))
     colors[:, 0] = options["edit"]["objects"]["pot"]["colors"][1]
@@ -170,7 +170,7 @@ def harmonics(job, options):
 
 
 def inspect(job, options):
-    """Three photos are too few, and the second one is blurred."""
+    """Three photos are too few, and the second is blurred."""
     few = {"key": "{count} photos are too few here: take more {where}.", "values": {"count": "3", "where": "above"}}
     blurred = {"key": "Less sharp than the photos beside them: {names}.", "values": {"names": "photo_1"}}
     picture = write_mask(new_file(job, "png"), np.zeros((4, 6), bool))
@@ -178,12 +178,12 @@ def inspect(job, options):
 
 
 def chart(job, options):
-    """The photo's chart is under a light of which half is left."""
+    """The light on the photo's chart is half as bright."""
     assert Path(options["photo"]).is_file()
     return {"light": [0.5, 0, 0, 0, 0.5, 0, 0, 0, 0.5], "left": 0.25}
 
 
-# --- stages ----------------------------------------------------------------------------------------------------------
+# --- stages: functions of a project and the options -----------------------------------------------------------------
 def poses(project, options):
     out = Path(options["out"])
     shutil.copytree(options["photos"], out / "images")
@@ -207,7 +207,7 @@ def import_splat(project, options):
 
 
 def export_splat(project, options):
-    """What was asked for, in place of splats."""
+    """Writes the options in place of splats."""
     Path(options["out"]).write_text(json.dumps(options))
 
 
@@ -249,13 +249,13 @@ def render(project, options):
     edits = edit if isinstance(edit, list) else [edit] * len(views)
     for view, file in zip(views, edits, strict=True):
         if options["planes"]:
-            made_from = result_fingerprint(project.state(), "recoloring")
-            write_planes(project.planes_file(view.name), planes_of(view.camera), made_from)
+            fingerprint = result_fingerprint(project.state(), "recoloring")
+            write_planes(project.planes_file(view.name), planes_of(view.camera), fingerprint)
         if options.get("layers"):  # this Python writes no EXR files
             path = out / "layers" / f"{view.name}.exr"
             path.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(os.environ["FAKE_LAYERS"], path)
-        elif options["out"] and not edit:  # what is learned, flat blue, and masks
+        elif options["out"] and not edit:  # the learned scene in flat blue, and masks
             write_flat(out / "render" / f"{view.name}.png", view, (0.0, 0.0, 1.0))
             for folder in ("masks", "unsure") if options.get("unsure") else ("masks",):
                 write_masks(out / folder, view)
@@ -293,9 +293,7 @@ def planes_of(camera):
 
 
 def left_half(view):
-    mask = np.zeros((view.camera.height, view.camera.width), bool)
-    mask[:, : view.camera.width // 2] = True
-    return mask
+    return np.indices((view.camera.height, view.camera.width))[1] < view.camera.width // 2
 
 
 def new_file(job, suffix):
@@ -305,7 +303,7 @@ def new_file(job, suffix):
 
 
 def write_masks(out, view):
-    """The lid left, the pot right of the middle; returns the files by object."""
+    """Write masks with the lid left and the pot right of the middle; returns the files by object."""
     mask = left_half(view)
     return {name: write_mask(out / name / f"{view.name}.png", own) for name, own in (("lid", mask), ("pot", ~mask))}
 
@@ -330,24 +328,21 @@ def write_arrays(job, arrays):
 
 def write_png(path, picture):
     height, width = picture.shape[:2]
-    rows = np.rint(picture * 255).astype(np.uint8).reshape(height, -1)
-    raw = b"".join(b"\0" + row.tobytes() for row in rows)
+    rows = np.insert(np.rint(picture * 255).astype(np.uint8).reshape(height, -1), 0, 0, axis=1)
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     path.parent.mkdir(parents=True, exist_ok=True)
-    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(raw)), (b"IEND", b""))
+    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b""))
     chunks = [struct.pack(">I", len(d)) + n + d + struct.pack(">I", zlib.crc32(n + d)) for n, d in parts]
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
 
 
-# name -> function of a project and the options
 STAGES = {"poses": poses, "geometry": geometry, "segmentation": segmentation, "palette": palette, "splats": splats}
 STAGES |= {"recoloring": recoloring, "render": render, "points": points, "colorways": colorways}
 STAGES |= {"import-splat": import_splat, "export-splat": export_splat}
-# name -> function of a job's folder and the options
 QUERIES = {each.__name__: each for each in (echo, preview, propose, correct, masks, show, harmonics, inspect, chart)}
 
 if __name__ == "__main__":
-    if sys.argv[1] == "doctor":  # the true one: it needs no torch to say that there is none
+    if sys.argv[1] == "doctor":  # the real one, which needs no torch to say that there is none
         sys.exit(engine_main(sys.argv[1:]))
     assert sys.argv[1] == "run", json.dumps(sys.argv)
     sys.exit(main(Path(sys.argv[2]), "--wait" in sys.argv))

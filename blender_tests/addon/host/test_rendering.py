@@ -1,4 +1,4 @@
-"""While Blender renders nothing touches pixels; afterwards the picture has followed."""
+"""The picture is not touched while Blender renders and follows the swatches afterwards."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 
 @pytest.fixture
 def film(bpy, learned, tmp_path):
-    """The scene with three frames of a keyframed swatch, and an engine that renders at once."""
+    """The scene with three frames of a keyframed swatch, and a render engine that does nothing."""
 
     class Engine(bpy.types.RenderEngine):
         bl_idname, bl_label = "KARF_TEST", "Test"
@@ -31,13 +31,13 @@ def film(bpy, learned, tmp_path):
 
 @pytest.fixture
 def shown(addon, film):
-    """A function that returns the result image, 8 bit."""
+    """A function that returns the picture, 8 bit."""
     return lambda: np.rint(addon.images.pixels(film.karf.result)[..., :3] * 255).astype(int)
 
 
 @pytest.fixture
 def while_rendering(bpy):
-    """A list of what is to be called at every rendered frame."""
+    """A list of functions to call at every rendered frame."""
     calls = []
 
     def call(*_):
@@ -49,7 +49,7 @@ def while_rendering(bpy):
     bpy.app.handlers.render_pre.remove(call)
 
 
-def test_no_pixel_is_written_while_an_animation_is_rendered(bpy, addon, film, shown, while_rendering, monkeypatch):
+def test_no_pixels_are_written_during_an_animation(bpy, addon, film, shown, while_rendering, monkeypatch):
     uploads, at_frames, upload = [], [], addon.images.upload
     monkeypatch.setattr(addon.images, "upload", lambda image, buffer: (uploads.append(1), upload(image, buffer)))
     while_rendering.append(lambda: at_frames.append(len(uploads)))
@@ -60,29 +60,29 @@ def test_no_pixel_is_written_while_an_animation_is_rendered(bpy, addon, film, sh
     assert uploads and np.abs(shown() - before).max() > 10
 
 
-def test_the_picture_follows_a_swatch_changed_while_rendering(bpy, film, shown, while_rendering):
-    before, seen = shown(), []
+def test_swatch_changed_while_rendering_is_followed_afterwards(bpy, film, shown, while_rendering):
+    before, pictures = shown(), []
     while_rendering.append(lambda: setattr(film.karf.objects["lid"].swatches[1], "color", (0, 0, 0)))
-    while_rendering.append(lambda: seen.append(shown()))
+    while_rendering.append(lambda: pictures.append(shown()))
     bpy.ops.render.render()
-    assert len(seen) == 1 and np.array_equal(seen[0], before)
+    assert len(pictures) == 1 and np.array_equal(pictures[0], before)
     assert np.abs(shown() - before).max() > 10
 
 
-def test_showing_a_view_is_refused_while_rendering(bpy, addon, film, while_rendering):
-    refused = []
+def test_show_view_is_rejected_while_rendering(bpy, addon, film, while_rendering):
+    sentences = []
 
     def show():
         with pytest.raises(addon.engine_api.BadRequest) as caught:
             addon.steps.show_view(film).wait()
-        refused.append(caught.value.sentence)
+        sentences.append(caught.value.sentence)
 
     while_rendering.append(show)
     bpy.ops.render.render()
-    assert refused == ["Blender is rendering."]
+    assert sentences == ["Blender is rendering."]
 
 
-def test_a_cancelled_render_leaves_the_picture_following(bpy, addon, film, shown):
+def test_picture_follows_swatches_after_a_failed_render(bpy, addon, film, shown):
     film.camera, before = None, shown()
     with pytest.raises(RuntimeError, match="no camera"):
         bpy.ops.render.render()

@@ -1,4 +1,4 @@
-"""Messages are put into the user's language where they are shown."""
+"""Messages are translated into the user's language where they are shown."""
 
 import importlib
 from pathlib import Path
@@ -10,35 +10,27 @@ from ..layout import Layout
 
 @pytest.fixture
 def chinese(addon, monkeypatch):
-    """The interface in Chinese, as far as the extension's own words go."""
+    """The extension's interface in Chinese."""
     package = importlib.import_module(f"{addon.words.__package__.removesuffix('.host')}.translations")
     table = package.po_files.read_tables(Path(package.__file__).parent)["zh_HANS"]
     monkeypatch.setattr(addon.words, "pgettext_iface", lambda text: table.get(("*", text), text))
 
 
-@pytest.fixture
-def make(addon):
-    return addon.engine_api.Message
-
-
-MARKS_NOTHING = "{path} marks nothing of {name!r}."
-
-
-def test_message_is_translated_around_its_values(addon, chinese, make):
-    translate = addon.words.translate_message
-    message = make(MARKS_NOTHING, path="mug.png", name="mug")
+def test_message_is_translated_around_its_values(addon, chinese):
+    api, translate, template = addon.engine_api, addon.words.translate_message, "{path} marks nothing of {name!r}."
+    message = api.Message(template, path="mug.png", name="mug")
     assert message == "mug.png marks nothing of 'mug'."
     assert translate(message) == "mug.png 没有标记 'mug' 的任何部分。"
     assert translate("Import a capture first.") == "请先导入拍摄。"
     assert translate("Nobody has translated this.") == "Nobody has translated this."
-    assert addon.words.translate("Masks") == "遮罩"  # but not as a name in a sentence:
-    assert "Masks" in translate(make("The scene has no object {name!r}.", name="Masks"))
-    error = addon.engine_api.DataError(MARKS_NOTHING, "Paint the object white.", path="mug.png", name="mug")
+    assert addon.words.translate("Masks") == "遮罩"  # but not as an object's name:
+    assert "Masks" in translate(api.Message("The scene has no object {name!r}.", name="Masks"))
+    error = api.DataError(template, "Paint the object white.", path="mug.png", name="mug")
     assert addon.words.translate_error(error) == f"{translate(message)} 请将物体涂成白色。"
 
 
-def test_nested_messages_and_texts_of_properties_are_translated(addon, chinese, make):
-    translate = addon.words.translate_message
+def test_nested_messages_and_property_texts_are_translated(addon, chinese):
+    make, translate = addon.engine_api.Message, addon.words.translate_message
     inner = make("The pictures are in {folder}.", folder="/film")
     outer = make("The scene that requested this is gone or has another project. {result}", result=inner)
     assert translate(outer).endswith(translate(inner)) and "/film" in translate(inner) != inner
@@ -48,19 +40,20 @@ def test_nested_messages_and_texts_of_properties_are_translated(addon, chinese, 
     addon.progress.dismiss()
 
 
-def test_english_messages_stay_unchanged(addon, make):
-    for message in ("Import a capture first.", make("The pictures are in {folder}.", folder="/film {1}")):
+def test_english_messages_stay_unchanged(addon):
+    made = addon.engine_api.Message("The pictures are in {folder}.", folder="/film {1}")
+    for message in ("Import a capture first.", made):
         assert addon.words.translate_message(message) == message
 
 
-def test_an_operator_reports_in_the_language_of_the_interface(bpy, chinese, learned):
+def test_operator_reports_in_the_interface_language(bpy, chinese, learned):
     learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
     with pytest.raises(RuntimeError, match="“实时相机”需要窗口"):
         bpy.ops.karf.live_camera()
 
 
-def test_the_panel_shows_why_a_job_failed_in_the_language_of_the_interface(bpy, addon, chinese, make):
-    drawn = []
-    for text in (make("The log in {job} is empty or missing.", job="geometry"), "Try again."):
+def test_panel_shows_errors_in_the_interface_language(bpy, addon, chinese):
+    drawn, message = [], addon.engine_api.Message("The log in {job} is empty or missing.", job="geometry")
+    for text in (message, "Try again."):
         addon.words.draw_text(Layout(bpy, drawn), text, "ERROR", 80)
     assert drawn == ["geometry 中的日志为空或已不在。", "请重试。"]

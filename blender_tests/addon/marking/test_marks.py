@@ -1,4 +1,4 @@
-"""Marks on photos: what they write, how they are reopened, corrected and taken back."""
+"""Marks on photos: the masks they write, corrections, undo, and the marked objects and views."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ ROWS, COLUMNS = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]] + 0.5
 
 @pytest.fixture
 def marked(bpy, addon, project_scene):
-    """The scene with the photo to mark and an object `pot`, as undo finds it."""
+    """The scene with a photo to mark and an object `pot`, after an undo step."""
     addon.steps.add_object(project_scene, "pot")
     addon.steps.show_photo(project_scene)
     bpy.ops.ed.undo_push(message="begin")
@@ -23,7 +23,7 @@ def file_of(addon, scene, name="pot", view="photo_0"):
 
 
 def mask(addon, scene, **place):
-    """What the file has; None where there is none."""
+    """The mask in its file, or None without a file."""
     file = file_of(addon, scene, **place)
     return addon.images.read_mask(file) if file.exists() else None
 
@@ -33,7 +33,7 @@ def disc(x, y, radius):
 
 
 def near(x, y):
-    """What the fake engine makes of a click."""
+    """The fake engine's mask for a click."""
     return np.hypot(COLUMNS - x, ROWS - y) < 3
 
 
@@ -47,7 +47,7 @@ DENTED = (ROWS < 8) | (COLUMNS < 8) | (COLUMNS > 16)
 DENT = [(0, 0), (24, 0), (24, 16), (16, 16), (16, 8), (8, 8), (8, 16), (0, 16)]
 LINE = np.hypot(COLUMNS - 5.2, np.maximum(0, np.maximum(5 - ROWS, ROWS - 9))) <= 2.5
 PAINTED = disc(8, 8, 6) | near(20, 8)
-# gestures, each with the mask that it leaves
+# name: gestures, each with the resulting mask
 GESTURES = {
     "strokes": [
         (("mark_stroke", [(5, 5)], 3), disc(5, 5, 3)),
@@ -76,7 +76,7 @@ GESTURES = {
 
 
 @pytest.mark.parametrize("gestures", GESTURES)
-def test_a_gesture_leaves_this_mask_on_the_disk_and_undo_takes_it_back(bpy, addon, marked, gestures):
+def test_gestures_write_these_masks_and_undo_reverts_them(bpy, addon, marked, gestures):
     def assert_mask(wanted):
         scene = bpy.context.scene
         layer = addon.mask_layers.open_layers(scene).masks.get("pot")
@@ -110,7 +110,7 @@ def test_marks_are_segmented_without_further_choice(addon, marked):
     assert '"pot"' in addon.folders.project_of(marked).segmentation_report.read_text()
 
 
-def test_a_mask_of_any_view_is_reopened_and_corrected(addon, marked):
+def test_mask_of_any_view_is_reopened_and_corrected(addon, marked):
     marked.karf.views["photo_1"].split = "test"
     addon.steps.mark_stroke(marked, [(5, 5)], 3)
     addon.steps.go_to_view(marked, 1)
@@ -121,7 +121,7 @@ def test_a_mask_of_any_view_is_reopened_and_corrected(addon, marked):
     np.testing.assert_array_equal(mask(addon, marked, view="photo_1"), disc(9, 9, 2))
 
 
-def test_a_given_mask_file_is_corrected_and_restored_by_undo(bpy, addon, marked, tmp_path):
+def test_given_mask_file_is_corrected_and_restored_by_undo(bpy, addon, marked, tmp_path):
     given = tmp_path / "given"
     for name in ("lid/images/photo_0.png", "lid/photo_1.png", "pot/photo_2.png"):
         write_disc(addon, given / name)
@@ -141,21 +141,21 @@ def test_a_given_mask_file_is_corrected_and_restored_by_undo(bpy, addon, marked,
 
 
 @pytest.mark.parametrize("make", NO_FILES[1:])
-def test_what_lies_in_place_of_a_mask_is_named_and_never_waited_for(addon, marked, make):
+def test_special_file_in_place_of_a_mask_is_rejected_without_waiting(addon, marked, make):
     file_of(addon, marked).parent.mkdir(parents=True)
     make(file_of(addon, marked))
     with pytest.raises(addon.engine_api.DataError, match=r"photo_0\.png is a pipe"):
         addon.steps.mark_stroke(marked, [(5, 5)], 3)
 
 
-def test_a_mask_of_the_size_that_is_learned_from_is_reopened(addon, marked, tmp_path):
+def test_smaller_mask_is_reopened_at_full_size(addon, marked, tmp_path):
     addon.images.write_png(tmp_path / "given" / "pot" / "photo_0.png", disc(8, 8, 5)[::2, ::2, None].repeat(3, -1))
     marked.karf.masks = str(tmp_path / "given")
     addon.steps.mark_stroke(marked, [(23, 15)], 1)
     assert mask(addon, marked).shape == SHAPE and mask(addon, marked)[8, 8]
 
 
-def test_after_undo_another_stroke_is_a_way_of_its_own(bpy, addon, marked):
+def test_stroke_after_undo_starts_a_new_branch(bpy, addon, marked):
     for place in ((5, 5), (15, 8)):
         addon.steps.mark_stroke(bpy.context.scene, [place], 3)
         bpy.ops.ed.undo_push(message="stroke")
@@ -164,7 +164,7 @@ def test_after_undo_another_stroke_is_a_way_of_its_own(bpy, addon, marked):
         assert mask(addon, bpy.context.scene) is None
 
 
-def test_another_file_forgets_the_strokes_and_leaves_the_masks(addon, marked, reopen):
+def test_reopened_file_forgets_strokes_but_keeps_masks(addon, marked, reopen):
     addon.steps.mark_stroke(marked, [(5, 5)], 3)
     scene = reopen()
     assert scene.karf.marking.step == 0 and scene.karf.marking.objects.keys() == ["pot"]
@@ -173,7 +173,7 @@ def test_another_file_forgets_the_strokes_and_leaves_the_masks(addon, marked, re
 
 
 # --- clicks ----------------------------------------------------------------------------------------------------------
-def test_undo_takes_a_click_out_of_the_question(bpy, addon, marked):
+def test_undo_removes_a_click_from_the_query(bpy, addon, marked):
     addon.steps.mark_box(marked, (4, 4), (20, 12))
     for place, is_object in (((6, 6), "TAKE"), ((16, 6), "ADD")):
         addon.steps.mark_click(bpy.context.scene, place, is_object)
@@ -183,7 +183,7 @@ def test_undo_takes_a_click_out_of_the_question(bpy, addon, marked):
     assert addon.proposals.current(bpy.context.scene, "pot").points == ((6, 6, False),)
 
 
-def test_an_answer_that_undo_has_overtaken_changes_nothing(bpy, addon, marked, monkeypatch, tmp_path):
+def test_answer_overtaken_by_undo_changes_nothing(bpy, addon, marked, monkeypatch, tmp_path):
     asked = []
     monkeypatch.setattr(addon.queries, "send", lambda scene, kind, options, on_answer: asked.append(on_answer))
     addon.steps.mark_click(bpy.context.scene, (6, 6))
@@ -192,11 +192,11 @@ def test_an_answer_that_undo_has_overtaken_changes_nothing(bpy, addon, marked, m
     write_disc(addon, tmp_path / "answer.png")
     asked[0](bpy.context.scene, {"mask": str(tmp_path / "answer.png")})
     assert mask(addon, bpy.context.scene) is None
-    bpy.ops.ed.redo()  # and there it is
+    bpy.ops.ed.redo()
     np.testing.assert_array_equal(mask(addon, bpy.context.scene), disc(8, 8, 5))
 
 
-def test_without_an_engine_a_box_is_a_rectangle_and_a_click_says_why_not(addon, marked, monkeypatch):
+def test_without_an_engine_boxes_are_rectangles_and_clicks_fail(addon, marked, monkeypatch):
     monkeypatch.setenv("KARF_ENGINE_PYTHON", "/nowhere/python")
     addon.state.refresh()
     addon.steps.mark_box(marked, (3.4, 2.6), (20.5, 12.4))
@@ -218,7 +218,7 @@ def correcting(addon, marked):
     return marked
 
 
-def test_correct_brings_the_photo_and_a_tool_so_that_the_first_stroke_counts(bpy, addon, correcting, image_editor):
+def test_correct_shows_the_photo_and_selects_a_tool(bpy, addon, correcting, image_editor):
     image_editor.spaces.active.image = addon.images.new_image("KaRF", 24, 16)
     correcting.karf.marking.correct = False
     addon.tools.lay_down()
@@ -246,34 +246,26 @@ def test_corrections_are_written_and_solved_at_once(addon, correcting):
     assert mask(addon, correcting) is None
     addon.steps.mark_stroke(correcting, [(12, 8)], 30, "CLEAR")
     addon.steps.mark_click(correcting, (5.5, 5.5), "TAKE")
-    said = addon.images.read_correction(file)
-    assert said[5, 5] == -1 and 0 < (said != 0).sum() < 6  # a click is a small dot
+    correction = addon.images.read_correction(file)
+    assert correction[5, 5] == -1 and 0 < (correction != 0).sum() < 6  # a click is a small dot
 
 
 # --- objects and views -----------------------------------------------------------------------------------------------
-NAMES = {
-    "red flower": "red flower",
-    "Blüte": "Blüte",
-    "a/b": "a_b",
-    "pot.": "pot_",
-    "aux": "_aux",
-    ".hidden": "_.hidden",
-    "Background": "_Background",
-    "  ": "object",
-}
+TYPED = "red flower", "Blüte", "a/b", "pot.", "aux", ".hidden", "Background", "  "
+NAMES = "red flower", "Blüte", "a_b", "pot_", "_aux", "_.hidden", "_Background", "object"
 
 
-def test_every_name_that_people_type_becomes_one_that_works(addon, project_scene):
-    for typed, name in NAMES.items():
+def test_typed_names_become_valid_file_names(addon, project_scene):
+    for typed, name in zip(TYPED, NAMES, strict=True):
         assert addon.steps.add_object(project_scene, typed) == name
         assert addon.engine_api.is_file_name(name)
 
 
-def test_two_objects_never_share_a_folder_and_another_project_has_its_own(addon, project_scene, tmp_path):
-    addon.steps.show_photo(project_scene)  # the first object is there when the photo is
+def test_objects_and_projects_never_share_a_folder(addon, project_scene, tmp_path):
+    addon.steps.show_photo(project_scene)  # adds a first object
     names = [addon.steps.add_object(project_scene, name) for name in ("pot", "pot", "Pot", "caf\u00e9")]
     assert names == ["pot", "pot 2", "Pot 3", "caf\u00e9"]
-    # one word in two Unicode forms is listed once
+    # two Unicode forms of one word are listed once
     (addon.objects.masks_folder(project_scene) / "cafe\u0301").mkdir(parents=True)
     addon.objects.sync(project_scene)
     assert project_scene.karf.marking.objects.keys() == ["object", *names]
@@ -282,7 +274,7 @@ def test_two_objects_never_share_a_folder_and_another_project_has_its_own(addon,
     assert project_scene.karf.marking.objects.keys() == ["lid"]
 
 
-def test_a_renamed_or_removed_object_takes_its_masks_along_and_undo_brings_them_back(bpy, addon, marked):
+def test_renaming_and_removing_an_object_take_its_masks_and_undo_restores_them(bpy, addon, marked):
     addon.steps.mark_stroke(marked, [(5, 5)], 3)
     bpy.ops.ed.undo_push(message="stroke")
 
@@ -299,7 +291,7 @@ def test_a_renamed_or_removed_object_takes_its_masks_along_and_undo_brings_them_
         assert bpy.context.scene.karf.marking.objects[0].folder == "pot"
 
 
-def test_views_are_gone_through_around_the_end_and_marked_ones_alone_where_wanted(addon, marked):
+def test_stepping_through_views_wraps_around_and_can_skip_unmarked_ones(addon, marked):
     assert [addon.steps.go_to_view(marked, 1) for _ in range(3)] == ["photo_1", "photo_2", "photo_0"]
     with pytest.raises(addon.engine_api.BadRequest, match="is not marked in any view"):
         addon.steps.go_to_view(marked, 1, marked=True)
@@ -309,7 +301,7 @@ def test_views_are_gone_through_around_the_end_and_marked_ones_alone_where_wante
     assert addon.steps.go_to_view(marked, -1, marked=True) == "photo_2"
 
 
-def test_suggested_views_come_one_after_the_other(addon, project_scene):
+def test_suggested_views_are_visited_in_turn(addon, project_scene):
     addon.steps.learn_scene(project_scene).wait()
     project = addon.folders.project_of(project_scene)
     project.finish("segmentation", "s")
@@ -321,7 +313,7 @@ def test_suggested_views_come_one_after_the_other(addon, project_scene):
     assert [addon.steps.go_to_suggested(project_scene) for _ in range(3)] == ["photo_2", "photo_1", "photo_2"]
 
 
-def test_a_box_and_a_mesh_become_volumes_of_the_captures_world_and_undo_takes_them_back(bpy, addon, marked):
+def test_boxes_and_meshes_become_volumes_and_undo_removes_them(bpy, addon, marked):
     scene = bpy.context.scene
     scene.karf.rig.location = (1, 2, 3)
     empty = bpy.data.objects.new("box", None)

@@ -1,9 +1,9 @@
-"""Marks at the border of a photo, and PNG files of masks; test_marks.py has the tools' pixels."""
+"""Marks at the border of a photo, and PNG files of masks."""
 
 import numpy as np
 
 
-def test_what_lies_outside_the_photo_is_left_out(addon):
+def test_marks_outside_the_photo_are_clipped(addon):
     layer = np.zeros((20, 30), np.int8)
     addon.raster.stroke(layer, (-50, -50), (-40, -3), 5, 1)
     addon.raster.stroke(layer, (29, 19), (90, 90), 2, 2)
@@ -13,7 +13,7 @@ def test_what_lies_outside_the_photo_is_left_out(addon):
     assert set(np.unique(layer)) == {0, 2, 3, 4}
 
 
-def test_png_files_are_what_other_programs_read(addon, tmp_path):
+def test_png_files_are_readable_by_other_programs(addon, tmp_path):
     picture = np.arange(6 * 4, dtype=np.uint8).reshape(4, 6, 1) * 10
     (tmp_path / "gray.png").write_bytes(addon.raster.encode_png(picture))
     read = addon.images.read_picture(tmp_path / "gray.png")
@@ -21,7 +21,7 @@ def test_png_files_are_what_other_programs_read(addon, tmp_path):
     assert addon.engine_api.find_header(tmp_path / "gray.png").display_size == (6, 4)
 
 
-def test_own_png_files_are_read_back_and_others_are_left_to_blender(addon, tmp_path):
+def test_own_png_files_are_read_back_and_others_left_to_blender(addon, tmp_path):
     for channels in (1, 2):
         pixels = np.random.default_rng(0).integers(0, 256, (7, 5, channels)).astype(np.uint8)
         content = addon.raster.encode_png(pixels)

@@ -1,9 +1,9 @@
-"""The tools of the Image Editor: in its toolbar, laid down with the extension, with keys of their own."""
+"""The marking tools in the Image Editor: toolbar, unregistration and keymaps."""
 
 NAMES = ["karf.mark_box", "karf.mark_click", "karf.mark_lasso", "karf.mark_brush"]
 
 
-def test_the_tools_are_in_the_toolbar(addon):
+def test_tools_are_in_the_toolbar(addon):
     from bl_ui.space_toolsystem_common import ToolSelectPanelHelper as Helper
 
     toolbar = Helper._tool_class_from_space_type("IMAGE_EDITOR")
@@ -11,18 +11,17 @@ def test_the_tools_are_in_the_toolbar(addon):
     assert [name for name in tools if name.startswith("karf.")] == NAMES
 
 
-def test_a_tool_that_is_taken_up_is_laid_down_with_the_extension_and_no_cursor_is_drawn_on(bpy, addon, image_editor):
+def test_unregistering_deselects_an_active_tool(bpy, addon, image_editor):
     window = bpy.context.window_manager.windows[0]
     with bpy.context.temp_override(window=window, area=image_editor):
         addon.tools.take_up(bpy.context, image_editor)
-    taken = window.workspace.tools.from_space_image_mode("VIEW")
-    assert taken.idname == "karf.mark_box"
+    assert window.workspace.tools.from_space_image_mode("VIEW").idname == "karf.mark_box"
     addon.extension.unregister()
     assert window.workspace.tools.from_space_image_mode("VIEW").idname == addon.tools.BLENDERS
     addon.extension.register()
 
 
-def test_every_key_of_the_tools_calls_an_operator_that_there_is_and_no_two_share_a_press(bpy, addon):
+def test_tool_keys_are_distinct_and_call_existing_operators(bpy, addon):
     for tool in addon.tools.TOOLS:
         presses = [tuple(sorted(event.items())) for _, event, _ in tool.bl_keymap]
         assert len(set(presses)) == len(presses)

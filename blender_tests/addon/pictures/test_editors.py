@@ -1,4 +1,4 @@
-"""Which picture the Image Editors show, and how much of it."""
+"""The picture that Image Editors show, and how it is fitted."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 
 @pytest.fixture
 def editor(addon, learned, image_editor, monkeypatch):
-    """An Image Editor; `fitted` are the names of the pictures that it was fitted to."""
+    """An Image Editor's space, and the names of the pictures that it was fitted to."""
     space, fitted = image_editor.spaces.active, []
     monkeypatch.setattr(addon.editors, "fit", lambda area: fitted.append(area.spaces.active.image.name))
     yield space, fitted
@@ -14,11 +14,11 @@ def editor(addon, learned, image_editor, monkeypatch):
 
 
 @pytest.mark.parametrize("before", ["", "KaRF photo", "sketch"])
-def test_a_new_picture_is_fitted_once_and_never_replaces_other_images(bpy, addon, learned, editor, before):
+def test_new_picture_is_fitted_once_and_never_replaces_other_images(bpy, addon, learned, editor, before):
     space, fitted = editor
     own = bpy.data.images.new(before, 8, 8) if before else None
     space.image = own
-    for _ in range(2):  # the artist may have zoomed in meanwhile
+    for _ in range(2):  # a second fit would undo the artist's zoom
         addon.steps.extract_palette(learned).wait()
         if before == "sketch":
             assert space.image == own and fitted == []
@@ -26,7 +26,7 @@ def test_a_new_picture_is_fitted_once_and_never_replaces_other_images(bpy, addon
             assert space.image == learned.karf.result and fitted == ["KaRF"]
 
 
-def test_where_the_picture_comes_the_marking_tools_are_laid_down(bpy, addon, learned, editor, image_editor):
+def test_new_picture_deselects_the_marking_tools(bpy, addon, learned, editor, image_editor):
     space, _ = editor
     window = bpy.data.window_managers[0].windows[0]
     bpy.ops.karf.mark()
@@ -39,7 +39,7 @@ def test_where_the_picture_comes_the_marking_tools_are_laid_down(bpy, addon, lea
     assert not learned.karf.marking.correct
 
 
-def test_an_editor_with_a_picture_that_cannot_be_read_is_left_alone(bpy, addon, image_editor, tmp_path):
+def test_fitting_ignores_an_unreadable_picture(bpy, addon, image_editor, tmp_path):
     file = tmp_path / "damaged.png"
     addon.images.write_png(file, np.zeros((4, 4, 3)))
     file.write_bytes(file.read_bytes()[:20])

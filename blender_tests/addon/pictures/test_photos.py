@@ -1,4 +1,4 @@
-"""Photos behind cameras: what is looked through lines up with the pinhole, and masks stay on the photo as stored."""
+"""Photos behind cameras match the pinhole, while masks are painted on the stored photo."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ LENS = (-0.3, 0.08, 0.002, -0.003)
 
 @pytest.fixture
 def bent(addon, tmp_path):
-    """A capture with one distorted photo: white dots where its lens puts a pinhole's pixels, and those pixels."""
+    """A capture with one distorted photo of white dots, and the dots' pixels in the undistorted one."""
     api = addon.engine_api
     camera = api.Camera(WIDTH, HEIGHT, 80.0, 84.0, 57.0, 48.0, np.eye(4), LENS)
     pixels = np.array([[15.5, 12.5], [60.5, 45.5], [104.5, 20.5], [100.5, 80.5]])
@@ -30,9 +30,7 @@ def background(bpy, scene):
 
 
 @pytest.mark.parametrize("part", [1, 2])
-def test_a_distorted_photo_is_shown_undistorted_and_painted_as_stored(
-    bpy, addon, scene, bent, tmp_path, monkeypatch, part
-):
+def test_distorted_photo_is_undistorted_except_for_painting(bpy, addon, scene, bent, tmp_path, monkeypatch, part):
     if part > 1:
         monkeypatch.setattr(addon.photos, "MOST_PIXELS", WIDTH * HEIGHT // part**2, raising=False)
     folder, pixels = bent
@@ -42,11 +40,11 @@ def test_a_distorted_photo_is_shown_undistorted_and_painted_as_stored(
     for column, row in (pixels / part).astype(int):
         around = shown[row - 2 : row + 3, column - 2 : column + 3, 0]
         assert np.abs(np.subtract(np.unravel_index(around.argmax(), around.shape), 2)).max() <= part - 1
-    photo = addon.steps.show_photo(scene)  # masks are painted on it as stored
+    photo = addon.steps.show_photo(scene)
     assert tuple(photo.size) == (WIDTH, HEIGHT) and photo.filepath == str(folder / "images" / "a.png")
 
 
-def test_it_is_made_once_and_kept_in_the_project(bpy, addon, scene, bent, tmp_path):
+def test_undistorted_photo_is_made_once_and_only_if_wanted(bpy, addon, scene, bent, tmp_path):
     addon.steps.import_capture(scene, bent[0], tmp_path / "project")
     (made,) = addon.folders.project_of(scene).photos_folder.iterdir()
     written = made.stat().st_mtime_ns
@@ -54,14 +52,11 @@ def test_it_is_made_once_and_kept_in_the_project(bpy, addon, scene, bent, tmp_pa
     addon.steps.import_capture(scene, bent[0], tmp_path / "project")
     assert background(bpy, scene) == str(made) and made.stat().st_mtime_ns == written
     assert len(scene.camera.data.background_images) == 1
-
-
-def test_without_photos_looking_through_adds_none(addon, scene, bent, tmp_path):
     addon.steps.import_capture(scene, bent[0], tmp_path / "project", rig=addon.steps.RigOptions(photos=False))
     assert not scene.camera.data.background_images
 
 
-def test_a_damaged_photo_leaves_the_rig_and_is_remarked(addon, scene, bent, tmp_path):
+def test_damaged_photo_warns_and_keeps_the_rig(addon, scene, bent, tmp_path):
     photo = bent[0] / "images" / "a.png"
     photo.write_bytes(photo.read_bytes()[:60])
     capture = addon.steps.import_capture(scene, bent[0], tmp_path / "project")
@@ -70,7 +65,7 @@ def test_a_damaged_photo_leaves_the_rig_and_is_remarked(addon, scene, bent, tmp_
 
 @pytest.fixture
 def read(addon, monkeypatch, tmp_path):
-    """A view of a stored photo [H, W, 3], with its pixels as read; its header says other things."""
+    """Returns a view of a stored photo [H, W, 3] with a changed header, and its pixels as read."""
 
     def read(stored, height, width, **header):
         api, file = addon.engine_api, tmp_path / "photo.png"
@@ -85,7 +80,7 @@ def read(addon, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_a_turned_photo_stands_as_its_camera_was_made_for(addon, read, orientation, tmp_path):
+def test_rotated_photo_is_read_upright(addon, read, orientation, tmp_path):
     """The letter F, which looks different in all eight orientations (Exif 2.3, table of tag 0x0112)."""
     upright = np.array([[1, 1, 1], [1, 0, 0], [1, 1, 0], [1, 0, 0]], float)[..., None].repeat(3, axis=2)
     stored = {
@@ -94,7 +89,7 @@ def test_a_turned_photo_stands_as_its_camera_was_made_for(addon, read, orientati
         3: upright[::-1, ::-1],
         4: upright[::-1],
         5: upright.swapaxes(0, 1),
-        6: np.rot90(upright, 1),  # shown by a quarter turn to the right
+        6: np.rot90(upright, 1),  # a quarter turn to the right shows it upright
         7: np.rot90(upright, 2).swapaxes(0, 1),
         8: np.rot90(upright, -1),
     }[orientation]
@@ -105,7 +100,7 @@ def test_a_turned_photo_stands_as_its_camera_was_made_for(addon, read, orientati
     assert (shown == view.image) == addon.photos.is_shown_as_stored(view) == (orientation == 1)
 
 
-def test_linear_light_is_painted_on_as_srgb(addon, read):
+def test_linear_photo_is_converted_to_srgb(addon, read):
     linear = np.linspace(0, 1, 12).reshape(2, 2, 3)
     _, found = read(linear, 2, 2, kind="exr")
     np.testing.assert_allclose(found, addon.engine_api.linear_to_srgb(linear), atol=0.03)

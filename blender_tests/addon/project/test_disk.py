@@ -1,4 +1,4 @@
-"""A project's files: drawing and polls follow the disk without reading it; fingerprints decide what is current."""
+"""Panels follow the project's files without reading the disk; fingerprints tell what is current."""
 
 import builtins
 import json
@@ -23,14 +23,14 @@ LATER, EARLIER = 4e9, 1e9
 
 @pytest.fixture
 def timed(addon, monkeypatch):
-    """The extension as in a window, where a timer reads the disk; the tests are this timer."""
+    """Let the extension read the disk only by its timer, as in a window; the tests call the timer."""
     monkeypatch.setattr(addon.disk, "HAS_TIMER", True)
     monkeypatch.setattr(addon.preferences.state, "HAS_TIMER", True)
     addon.disk.refresh()
 
 
 def draw_all(bpy, addon):
-    """The panel; returns what was drawn, and the steps that are done."""
+    """Draw the panel; returns the drawn items and the finished steps."""
     drawn, scene = [], bpy.context.scene
     window = {"window_manager": bpy.context.window_manager, "screen": SimpleNamespace(areas=[])}
     context = SimpleNamespace(scene=scene, area=SimpleNamespace(type="VIEW_3D"), **window)
@@ -43,13 +43,13 @@ def test_drawing_and_polls_never_touch_the_disk(bpy, addon, learned, timed, monk
     addon.steps.show_photo(learned)
     learned.karf.masks = str(tmp_path)
     learned.karf.out = str(tmp_path / "out")
-    draw_all(bpy, addon)  # makes the icons
+    draw_all(bpy, addon)  # loads the icons
 
-    def touched(*arguments, **_):
+    def fail(*arguments, **_):
         raise AssertionError(f"the disk was touched: {arguments}")
 
     for owner, name in [*DISK, (builtins, "open")]:
-        monkeypatch.setattr(owner, name, touched)
+        monkeypatch.setattr(owner, name, fail)
     try:
         drawn, done = draw_all(bpy, addon)
         for name in dir(bpy.ops.karf):
@@ -60,7 +60,7 @@ def test_drawing_and_polls_never_touch_the_disk(bpy, addon, learned, timed, monk
     assert "Show" in drawn and "import" in done
 
 
-def test_panel_follows_jobs_masks_and_the_chosen_view(bpy, addon, project_scene, timed):
+def test_panel_follows_jobs_masks_and_the_active_view(bpy, addon, project_scene, timed):
     assert not bpy.ops.karf.segment.poll()
     addon.steps.learn_scene(project_scene).wait()
     assert "learn" in draw_all(bpy, addon)[1]
@@ -73,31 +73,29 @@ def test_panel_follows_jobs_masks_and_the_chosen_view(bpy, addon, project_scene,
     assert "Prepare" in draw_all(bpy, addon)[0]
 
 
-def test_timer_notices_changes_by_others(bpy, addon, learned, timed):
+def test_timer_notices_changes_by_other_programs(bpy, addon, learned, timed):
     assert not addon.disk.refresh()
     addon.folders.project_of(learned).planes_file("photo_0").unlink()
     assert addon.disk.refresh() and "Prepare" in draw_all(bpy, addon)[0]
 
 
 def test_disk_is_read_at_each_call_in_background_mode(addon, learned):
-    """Scripts change files between two lines; no timer fires there."""
     addon.folders.project_of(learned).planes_file("photo_0").unlink()
     assert not addon.disk.contents_of(learned).is_prepared
 
 
 def test_reading_the_disk_never_raises(addon, learned, timed, monkeypatch):
-    def refused(*_):
+    def fail(*_):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(addon.disk, "is_prepared", refused)
+    monkeypatch.setattr(addon.disk, "is_prepared", fail)
     addon.disk._tick()
     assert addon.disk.contents_of(learned) == addon.disk.Contents()
 
 
-# --- masks of other programs ---------------------------------------------------------------------------------------
 @pytest.fixture
 def many_masks(addon, learned, timed, tmp_path):
-    """A folder of 500 masks of one object, some in a subfolder, which the timer has read; returns one of them."""
+    """500 masks of one object, half of them in a subfolder, known to the timer; returns one of them."""
     (tmp_path / "masks" / "pot" / "left").mkdir(parents=True)
     masks = [tmp_path / "masks" / "pot" / place / f"{n}.png" for place in ("", "left") for n in range(250)]
     for mask in masks:
@@ -107,7 +105,7 @@ def many_masks(addon, learned, timed, tmp_path):
     return masks[-1]
 
 
-def test_timer_lists_no_unchanged_folder_of_masks(addon, learned, many_masks, monkeypatch):
+def test_timer_does_not_list_unchanged_mask_folders(addon, learned, many_masks, monkeypatch):
     calls = []
 
     def counted(function):
@@ -123,7 +121,7 @@ def test_timer_lists_no_unchanged_folder_of_masks(addon, learned, many_masks, mo
 
 
 @pytest.mark.parametrize("change, count", [("add", 501), ("remove", 499), ("overwrite", 500)])
-def test_timer_notices_masks_of_other_programs(addon, learned, many_masks, monkeypatch, change, count):
+def test_timer_notices_changed_masks(addon, learned, many_masks, monkeypatch, change, count):
     project, later = addon.folders.project_of(learned), time.time() + 60
     project.finish("segmentation", "s")
     project.segmentation_file.touch()
@@ -140,7 +138,6 @@ def test_timer_notices_masks_of_other_programs(addon, learned, many_masks, monke
     assert found.masks == {"pot": count} and "segmentation" in found.outdated
 
 
-# --- a project that is missing -------------------------------------------------------------------------------------
 def test_missing_project_is_named_until_it_is_back(bpy, addon, learned, timed, tmp_path):
     project = addon.folders.project_of(learned).folder
     shutil.move(project, tmp_path / "elsewhere")
@@ -160,25 +157,24 @@ def test_missing_project_is_named_until_it_is_back(bpy, addon, learned, timed, t
     assert bpy.ops.karf.learn_scene.poll()
 
 
-def test_importing_again_makes_a_missing_project_again(bpy, addon, learned, timed, capture_folder):
+def test_importing_again_restores_a_missing_project(bpy, addon, learned, timed, capture_folder):
     project = addon.folders.project_of(learned).folder
     shutil.rmtree(project)
     addon.steps.import_capture(learned, capture_folder, project)
     assert bpy.ops.karf.learn_scene.poll() and not bpy.ops.karf.segment.poll()
 
 
-def test_cameras_are_imported_even_if_the_project_cannot_be_created(addon, scene, capture_folder, tmp_path):
+def test_cameras_are_imported_without_a_writable_project(addon, scene, capture_folder, tmp_path):
     (tmp_path / "file").touch()
     capture = addon.steps.import_capture(scene, capture_folder, tmp_path / "file" / "project")
     assert "cannot be made" in capture.warnings[-1] and len(scene.karf.rig.children) == 3
 
 
-# --- what segmentation reports -------------------------------------------------------------------------------------
 POT, MUG = {"share": 0.25, "unseen": 0.9}, {"share": 0, "unseen": 0}
 
 
 @pytest.mark.parametrize(
-    ("report", "told"),
+    ("report", "expected"),
     [
         ({"suggestions": {"photo_2": 0.2, "gone": 0.1, "photo_0": 0.1}}, {"suggested": ("photo_2", "photo_0")}),
         ({"suggestions": 3}, {}),
@@ -190,18 +186,17 @@ POT, MUG = {"share": 0.25, "unseen": 0.9}, {"share": 0, "unseen": 0}
         ([], {}),
     ],
 )
-def test_suggestions_and_doubts_are_read_from_the_report(addon, project_scene, report, told):
+def test_segmentation_report_gives_suggestions_and_doubts(addon, project_scene, report, expected):
     project = addon.folders.project_of(project_scene)
     project.create("capture")
     project.finish("geometry", "g")
     project.finish("segmentation", "s")
     project.segmentation_report.write_text(json.dumps(report))
     found = addon.disk.read(project_scene)
-    assert found.suggested == told.get("suggested", ()) and found.unsure == told.get("unsure", ())
-    assert found.any_view_helps is told.get("any_view_helps", False)
+    assert found.suggested == expected.get("suggested", ()) and found.unsure == expected.get("unsure", ())
+    assert found.any_view_helps is expected.get("any_view_helps", False)
 
 
-# --- what was made from what is learned now ------------------------------------------------------------------------
 def set_times(folder, seconds):
     """Give all files of a project the same time."""
     for path in folder.rglob("*"):
@@ -209,7 +204,7 @@ def set_times(folder, seconds):
 
 
 @pytest.mark.parametrize("seconds", [LATER, EARLIER])
-def test_planes_are_current_until_an_earlier_stage_runs_again(addon, learned, seconds):
+def test_planes_are_current_until_a_stage_reruns(addon, learned, seconds):
     project = addon.folders.project_of(learned)
     set_times(project.folder, seconds)
     assert addon.disk.is_prepared(learned)
@@ -220,7 +215,7 @@ def test_planes_are_current_until_an_earlier_stage_runs_again(addon, learned, se
         addon.displayed.of(learned).prepared_view()
 
 
-def test_planes_of_earlier_versions_and_damaged_ones_are_not_current(addon, learned):
+def test_planes_without_fingerprint_or_damaged_are_not_current(addon, learned):
     file = addon.disk.planes_file(learned)
     planes = addon.engine_api.read_planes(file)
     write_planes(file, planes)
@@ -232,7 +227,7 @@ def test_planes_of_earlier_versions_and_damaged_ones_are_not_current(addon, lear
 
 
 @pytest.mark.parametrize("stage", ["geometry", "segmentation"])
-def test_renderings_and_masks_are_shown_until_their_stages_run_again(bpy, addon, learned, stage):
+def test_renderings_and_masks_are_current_until_a_stage_reruns(bpy, addon, learned, stage):
     project = addon.folders.project_of(learned)
     project.uncertainty_file.touch()
     assert bpy.ops.karf.see_view() == {"FINISHED"}
@@ -244,7 +239,7 @@ def test_renderings_and_masks_are_shown_until_their_stages_run_again(bpy, addon,
     assert not any(find(learned) for find in finders)
 
 
-def test_outdated_renderings_are_removed_and_nothing_else(bpy, addon, learned, tmp_path):
+def test_only_outdated_renderings_are_removed(bpy, addon, learned, tmp_path):
     assert bpy.ops.karf.see_view() == {"FINISHED"}
     before = addon.disk.renderings_folder(learned)
     others = [before.with_name("notes"), before.with_name("0123456789abcdef")]

@@ -1,4 +1,4 @@
-"""A project from elsewhere with a link in place of a file or folder: the extension changes nothing outside of it."""
+"""Links in place of a project's files or folders never make the extension change anything outside it."""
 
 import os
 import shutil
@@ -10,7 +10,7 @@ import pytest
 
 from ..layout import Layout
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="links need a right on Windows")
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="links need a privilege on Windows")
 PLACES = (
     *("project.json", "capture.json", "palette.json", "jobs", "lock", "planes", "masks/pot"),
     "geometry.safetensors segmentation.json volumes.json colorways_edges.json",
@@ -20,21 +20,12 @@ PLACES = (
 )
 
 
-@pytest.fixture
-def outside(addon, tmp_path):
-    """A folder of somebody else, with files named as the extension names its own."""
-    folder = tmp_path / "outside"
-    for name in ("photo_0.png", "pot/photo_0.png", "recolor/photo_0.png", "20200101-000000-000-warm/a.png"):
-        addon.images.write_png(folder / name, np.ones((16, 24, 3)))
-    return folder
-
-
 def files(folder):
     return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
 
 def use_everything(bpy, addon, scene):
-    """What an artist does with a project; what is refused is refused in a sentence."""
+    """Do everything an artist does with a project; expected errors are ignored."""
     steps, errors = addon.steps, (addon.engine_api.KarfError, OSError, KeyError)
     area = SimpleNamespace(type="VIEW_3D", spaces=SimpleNamespace(active=SimpleNamespace(show_region_ui=True)))
     window = {"window_manager": bpy.context.window_manager, "screen": SimpleNamespace(areas=[area])}
@@ -62,7 +53,10 @@ def use_everything(bpy, addon, scene):
 
 
 @pytest.mark.parametrize("places", PLACES)
-def test_links_in_place_of_files_and_folders_change_nothing_outside(bpy, addon, learned, outside, places):
+def test_links_change_nothing_outside_the_project(bpy, addon, learned, tmp_path, places):
+    outside = tmp_path / "outside"  # with files named like the extension's
+    for name in ("photo_0.png", "pot/photo_0.png", "recolor/photo_0.png", "20200101-000000-000-warm/a.png"):
+        addon.images.write_png(outside / name, np.ones((16, 24, 3)))
     for place in places.split():
         target = outside / "made_by_a_link" if "." in place or place == "lock" else outside
         path = addon.folders.project_of(learned).folder / place

@@ -1,6 +1,5 @@
-"""The extension as a package: what Blender's own tool would pack, installed, and over the version before."""
+"""The package equals that of Blender's own tool, installs, and upgrades an earlier version."""
 
-import hashlib
 import json
 import os
 import shutil
@@ -26,7 +25,7 @@ def run(*command, **options):
 
 
 def build(checkout, out):
-    """Build a checkout into a folder, which is returned."""
+    """Build a checkout into a folder and return it."""
     run("-m", "tools.release", "--out", out, cwd=checkout)
     return out
 
@@ -44,7 +43,7 @@ def package(built):
 
 @pytest.fixture(scope="module")
 def blenders_tool(bpy):
-    """Blender's command line tool for extensions, as a function; it needs nothing but the standard library."""
+    """Blender's command line tool for extensions, as a function."""
     tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
     return lambda *arguments: run("-I", tool, *arguments)
 
@@ -54,8 +53,7 @@ def contents(package):
     return {name: archive.read(name) for name in archive.namelist()}
 
 
-# --- the same as Blender's own tool makes --------------------------------------------------------------------------
-def test_package_equals_that_of_blenders_tool_and_is_valid(blenders_tool, package, tmp_path):
+def test_package_is_valid_and_equals_that_of_blenders_tool(blenders_tool, package, tmp_path):
     for target in (ROOT, package):
         blenders_tool("validate", target)
     blenders_tool("build", "--source-dir", ROOT, "--output-dir", tmp_path)
@@ -72,20 +70,18 @@ def test_exclude_patterns_work_as_in_blenders_tool(blenders_tool, tmp_path):
         (source / name).write_text(name)
     patterns = ["/out/", "*.pyc", ".*", "/*.zip", "out?/", "/in/*.md", "/in/out/"]
     manifest = (ROOT / "blender_manifest.toml").read_text().partition("[build]")[0]
-    (source / "blender_manifest.toml").write_text(
-        f"{manifest}[build]\npaths_exclude_pattern = {json.dumps(patterns)}\n"
-    )
+    manifest += f"[build]\npaths_exclude_pattern = {json.dumps(patterns)}\n"
+    (source / "blender_manifest.toml").write_text(manifest)
     blenders_tool("build", "--source-dir", source, "--output-filepath", tmp_path / "packed.zip")
     ours = packed_files(source, patterns)
     assert ours == sorted(contents(tmp_path / "packed.zip"))
     assert ours == ["__init__.py", "blender_manifest.toml", "in/f.zip", "in/kept/b", "in/kept/g.md"]
 
 
-def test_the_package_holds_the_extension_and_nothing_else(package):
+def test_package_holds_only_the_extension(package):
     names = set(contents(package))
     files = {name for name in names if "/" not in name}
-    assert {"__init__.py", "blender_manifest.toml", "LICENSE"} <= files
-    assert files <= {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md"}
+    assert files - {"README.md"} == {"__init__.py", "blender_manifest.toml", "LICENSE"}
     assert {name.partition("/")[0] for name in names - files} == {"docs", "karf_engine", "karf_blender"}
     pages = {f"docs/tasks/{page.name}" for page in (ROOT / "docs" / "tasks").iterdir()}
     assert {name for name in names if name.startswith("docs/")} == pages
@@ -94,16 +90,13 @@ def test_the_package_holds_the_extension_and_nothing_else(package):
 
 
 def test_repository_index_equals_that_of_blenders_tool(blenders_tool, built, tmp_path):
-    shutil.copytree(built / "repository", tmp_path / "theirs")
-    (tmp_path / "theirs" / "index.json").unlink()
-    blenders_tool("server-generate", "--repo-dir", tmp_path / "theirs")
-    ours, theirs = (
-        json.loads((folder / "index.json").read_text()) for folder in (built / "repository", tmp_path / "theirs")
-    )
-    assert ours == theirs
+    ours, theirs = built / "repository" / "index.json", tmp_path / "theirs" / "index.json"
+    shutil.copytree(ours.parent, theirs.parent)
+    theirs.unlink()
+    blenders_tool("server-generate", "--repo-dir", theirs.parent)
+    assert json.loads(ours.read_text()) == json.loads(theirs.read_text())
 
 
-# --- in a Blender of its own ---------------------------------------------------------------------------------------
 START = """
 import json, os, sys
 from importlib import import_module
@@ -117,15 +110,15 @@ def install(package):
 def karf(module):
     return import_module(f"bl_ext.user_default.karf.{module}")
 """
-END = "\nsys.stdout.flush()\nos._exit(0)\n"  # Blender as a module may crash where the interpreter ends by itself
-FROM_THE_REPOSITORY = """
-bpy.context.preferences.system.use_online_access = True  # Blender asks for it even where the address is a file's
+END = "\nsys.stdout.flush()\nos._exit(0)\n"  # Blender as a module may crash at the interpreter's exit
+INSTALL_FROM_REPOSITORY = """
+bpy.context.preferences.system.use_online_access = True  # Blender asks for it even for a file address
 repository = bpy.context.preferences.extensions.repos.new(name="KaRF", module="karf", remote_url=sys.argv[1])
 bpy.ops.extensions.repo_sync(repo_directory=repository.directory)
 bpy.ops.extensions.package_install(repo_directory=repository.directory, pkg_id="karf", enable_on_install=True)
 print(json.dumps([addon.module for addon in bpy.context.preferences.addons if "karf" in addon.module]))
 """
-WORK_WITH_THE_OLDER = """
+WORK_AND_UPGRADE = """
 older, newer, capture, folder, fake_engine = map(Path, sys.argv[1:])
 install(older)
 preferences = bpy.context.preferences.addons["bl_ext.user_default.karf"].preferences
@@ -147,9 +140,9 @@ install(newer)
 swatch = bpy.context.scene.karf.objects[name].swatches[1]
 print(json.dumps([before, karf("karf_engine.version").__version__, list(swatch.color)]))
 """
-OPEN_WITH_THE_NEWER = """
+OPEN_WITH_NEWER = """
 folder = Path(sys.argv[1])
-bpy.ops.wm.read_userpref()  # which Blender as a module does not by itself
+bpy.ops.wm.read_userpref()  # Blender as a module does not by itself
 bpy.ops.wm.open_mainfile(filepath=str(folder / "film.blend"))
 addon = bpy.context.preferences.addons["bl_ext.user_default.karf"]
 own = Path(bpy.utils.extension_path_user("bl_ext.user_default.karf", path="engine"))
@@ -168,46 +161,42 @@ print(json.dumps({
 
 
 def in_blender(user, script, *arguments):
-    """Run a script in a Blender of its own, with this folder as the user's; returns what it printed last, as JSON."""
+    """Run a script in its own Blender with this user folder; returns its last line of output, as JSON."""
     environment = os.environ | {"BLENDER_USER_RESOURCES": str(user)}
-    said = run("-c", START + script + END, *arguments, env=environment, timeout=300)
-    return json.loads(said.strip().splitlines()[-1])
+    output = run("-c", START + script + END, *arguments, env=environment, timeout=300)
+    return json.loads(output.strip().splitlines()[-1])
 
 
 def build_older(folder):
-    """Build this checkout under an older version; returns the package."""
+    """Build this checkout as an older version; returns the package."""
     (folder / "checkout").mkdir(parents=True)
-    leave_out = shutil.ignore_patterns("__pycache__")
     for name in EXTENSION:
-        if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, folder / "checkout" / name, ignore=leave_out)
-        else:
-            shutil.copy(ROOT / name, folder / "checkout")
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
+        copy(ROOT / name, folder / "checkout" / name)
     for name in ("blender_manifest.toml", "CITATION.cff", "karf_engine/version.py"):
         path = folder / "checkout" / name
         path.write_text(path.read_text().replace(engine_version(ROOT), OLDER, 1))
     return build(folder / "checkout", folder / "dist") / f"karf-{OLDER}.zip"
 
 
-def digests(folder):
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+def read_files(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_blender_installs_it_from_the_repository(built, tmp_path):
+def test_blender_installs_from_the_repository(built, tmp_path):
     address = (built / "repository" / "index.json").as_uri()
-    assert in_blender(tmp_path, FROM_THE_REPOSITORY, address) == ["bl_ext.karf.karf"]
+    assert in_blender(tmp_path, INSTALL_FROM_REPOSITORY, address) == ["bl_ext.karf.karf"]
 
 
-def test_an_upgrade_keeps_preferences_projects_and_edits(bpy, addon, package, tmp_path):
+def test_upgrade_keeps_preferences_projects_and_edits(bpy, addon, package, tmp_path):
     if bpy.app.version < (4, 3):
         pytest.skip("Blender 4.2 as a module crashes where it reads its own preferences")
     capture, user = make_capture(addon, tmp_path / "pots", 3, 24, 16), tmp_path / "user"
     older = build_older(tmp_path / "older")
-    told = in_blender(user, WORK_WITH_THE_OLDER, older, package, capture, tmp_path, FAKE_ENGINE)
-    assert told == [OLDER, engine_version(ROOT), [0.25, 0.5, 1.25]]
-    learned = digests(tmp_path / "project")
-    assert in_blender(user, OPEN_WITH_THE_NEWER, tmp_path) == {
+    result = in_blender(user, WORK_AND_UPGRADE, older, package, capture, tmp_path, FAKE_ENGINE)
+    assert result == [OLDER, engine_version(ROOT), [0.25, 0.5, 1.25]]
+    learned = read_files(tmp_path / "project")
+    assert in_blender(user, OPEN_WITH_NEWER, tmp_path) == {
         "version": engine_version(ROOT),
         "engine_python": True,
         "threads": 3,
@@ -216,5 +205,5 @@ def test_an_upgrade_keeps_preferences_projects_and_edits(bpy, addon, package, tm
         "learned": ["geometry", "palette", "recoloring"],
         "color": [0.25, 0.5, 1.25],
     }
-    assert digests(tmp_path / "project") == learned
+    assert read_files(tmp_path / "project") == learned
     assert "1.25" in (tmp_path / "edit.json").read_text()

@@ -1,11 +1,10 @@
-"""F12 with the render engine KaRF: the engine's pixels with the swatches as they stand, passes beside them, errors said."""
+"""F12 with the render engine KaRF: pictures of the current swatches, passes and errors."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-SHARES = (0.125, 0.25, 0.125)  # of the fake engine's palette entries
 WIDTH, HEIGHT = 40, 20
 
 
@@ -19,25 +18,25 @@ def scene(bpy, learned):
 
 @pytest.fixture
 def render(bpy, addon, scene, monkeypatch):
-    """A function that renders, and gives what Blender holds of each pass, [H, W, channels], the highest row first."""
-    handed, put = {}, addon.still._put
+    """A function that renders and returns Blender's passes, [H, W, channels], top row first."""
+    passes, put = {}, addon.still._put
 
-    def putting(target, pixels):
+    def record(target, pixels):
         put(target, pixels)
-        handed[target.name] = np.array(target.rect).reshape(pixels.shape)[::-1]
+        passes[target.name] = np.array(target.rect).reshape(pixels.shape)[::-1]
 
-    def run():
-        handed.clear()
+    def render():
+        passes.clear()
         bpy.ops.render.render()
-        return dict(handed)
+        return dict(passes)
 
-    monkeypatch.setattr(addon.still, "_put", putting)
-    return run
+    monkeypatch.setattr(addon.still, "_put", record)
+    return render
 
 
 @pytest.fixture
 def queries(addon, monkeypatch):
-    """The options and the answers of all queries; each says `more` too."""
+    """The options and answers of all queries, to whose options `more` is added."""
     seen = SimpleNamespace(options=[], answers=[], more={})
     of, ask = addon.camera_pixels.options_of, addon.still.ask
 
@@ -55,7 +54,7 @@ def queries(addon, monkeypatch):
 
 
 @pytest.mark.parametrize("color", [(0.2, 0.4, 0.8), None])
-def test_picture_is_upright_with_edited_or_learned_colors(addon, scene, render, color):
+def test_picture_is_upright_in_edited_or_learned_colors(addon, scene, render, color):
     if color is None:
         scene.karf.objects.clear()  # before palettes are learned
     else:
@@ -80,7 +79,7 @@ def test_animation_follows_keyframed_colors_and_surfaces(bpy, addon, scene, quer
     assert first == pytest.approx(0.4) and first > middle + 0.1 and middle > last + 0.1 and last < 0.03
 
 
-def test_a_transparent_film_has_alpha(scene, render):
+def test_transparent_film_has_alpha(scene, render):
     scene.render.film_transparent = True
     combined = render()["Combined"]
     assert (combined[: HEIGHT // 2, :, 3] == 1).all()
@@ -103,18 +102,18 @@ def test_cryptomatte_and_weights_are_passes(scene, render):
     passes = render()
     assert {"CryptoObject00", "CryptoObject01", "lid 1", "lid 2", "pot 1", "pot 2"} < set(passes)
     np.testing.assert_allclose(passes["CryptoObject00"][5, 5], [0.5, 1, 0, 0])
-    assert not passes["CryptoObject01"].any()  # the engine has one level
-    for index in (1, 2):
-        np.testing.assert_allclose(passes[f"pot {index}"], SHARES[index])
+    assert not passes["CryptoObject01"].any()  # the engine writes one level
+    for index, share in ((1, 0.25), (2, 0.125)):
+        np.testing.assert_allclose(passes[f"pot {index}"], share)
 
 
 @pytest.mark.parametrize("fades, seen", [(True, 0.75), (False, 0.25)])
-def test_seen_is_a_pass_and_fading_reaches_the_engine(scene, render, fades, seen):
+def test_visibility_is_a_pass_and_fading_reaches_the_engine(scene, render, fades, seen):
     scene.view_layers[0].karf.use_seen, scene.karf.fade_unseen = True, fades
     assert (render()["Seen"] == seen).all()
 
 
-def test_border_renders_its_part_of_the_picture(addon, scene, render):
+def test_border_renders_only_its_part(addon, scene, render):
     assert render()["Combined"].shape == (HEIGHT, WIDTH, 4)
     settings = scene.render
     settings.use_border = settings.use_crop_to_border = True
@@ -127,7 +126,7 @@ def test_border_renders_its_part_of_the_picture(addon, scene, render):
     assert (x, y) == pytest.approx((u - WIDTH / 4, v))
 
 
-def test_one_process_renders_all_frames_and_deletes_its_files(addon, scene, render, queries):
+def test_one_process_renders_all_frames_and_removes_its_files(addon, scene, render, queries):
     for frame in (1, 2, 3):
         scene.frame_set(frame)
         render()
@@ -137,7 +136,7 @@ def test_one_process_renders_all_frames_and_deletes_its_files(addon, scene, rend
     assert not folder.exists()
 
 
-def test_a_cancelled_render_ends_the_worker(addon, scene, queries):
+def test_cancelled_render_ends_the_worker(addon, scene, queries):
     queries.more = {"behave": "busy"}
     cancelled = iter([False] * 3 + [True])
     engine = SimpleNamespace(update_stats=lambda *_: None, test_break=lambda: next(cancelled))
@@ -166,23 +165,21 @@ def test_render_errors_are_reported(scene, render, queries, trouble, sentence):
         render()
 
 
-def test_blenders_panels_are_shown_while_the_extension_is_enabled(bpy, addon):
+def test_blenders_panels_are_shown_only_while_enabled(bpy, addon):
     def known():
         panels = bpy.types.Panel.__subclasses__()
         return {each.__name__ for each in panels if "KARF" in getattr(each, "COMPAT_ENGINES", ())}
 
     assert {"RENDER_PT_format", "RENDER_PT_output", "DATA_PT_lens", "KARF_PT_passes"} <= known()
     addon.extension.unregister()
-    try:
-        assert known() == {"KARF_PT_passes"}
-    finally:
-        addon.extension.register()
+    while_disabled = known()
+    addon.extension.register()
+    assert while_disabled == {"KARF_PT_passes"}
 
 
-# --- Over Scene: Blender's own objects within the captured scene ---------------------------------------------------
 @pytest.fixture
 def own_objects(bpy, scene):
-    """The scene with a cube and a lamp of the artist's own, rendered by Cycles."""
+    """The scene with an object and a lamp of the artist, rendered by Cycles."""
     scene.render.engine = "CYCLES"
     for data in (bpy.data.meshes.new("vase"), bpy.data.lights.new("lamp", "SUN")):
         scene.collection.objects.link(bpy.data.objects.new(data.name, data))
@@ -200,7 +197,7 @@ def test_over_scene_renders_the_nearer_of_scene_and_objects(addon, own_objects):
     assert addon.compat.compositing_output(node.id_data).links[0].from_node == node
 
 
-def test_over_scene_pressed_again_updates_its_scene(bpy, addon, own_objects):
+def test_over_scene_again_updates_its_scene(bpy, addon, own_objects):
     objects = addon.steps.put_objects_in(own_objects)
     bpy.data.objects.remove(bpy.data.objects["vase"])
     own_objects.render.resolution_x = 123

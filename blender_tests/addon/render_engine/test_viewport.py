@@ -1,4 +1,4 @@
-"""A rendered 3D View asks for small pictures while something changes, and for the whole one when all stands still."""
+"""A rendered 3D View requests small pictures during changes and the full one at rest."""
 
 from types import SimpleNamespace
 
@@ -10,7 +10,7 @@ WIDTH, HEIGHT = 600, 300
 
 @pytest.fixture
 def view(bpy, addon, learned, monkeypatch):
-    """A 3D View of the captured cameras: `draw()` is what Blender's redraw asks for, `long_sides` what was asked."""
+    """A 3D View: `draw()` redraws it after some seconds, `long_sides` are the sizes requested."""
     clock = SimpleNamespace(now=100.0)
     monkeypatch.setattr(addon.viewport.time, "monotonic", lambda: clock.now)
     monkeypatch.setattr(addon.session, "start_timer", lambda poll: None)
@@ -25,11 +25,11 @@ def view(bpy, addon, learned, monkeypatch):
     shown, long_sides = addon.viewport.Viewport(), []
     send = addon.queries.send
 
-    def sending(scene, kind, options, *rest):
+    def record(scene, kind, options, *rest):
         long_sides.append(max(options["camera"]["w"], options["camera"]["h"]))
         send(scene, kind, options, *rest)
 
-    monkeypatch.setattr(addon.viewport.queries, "send", sending)
+    monkeypatch.setattr(addon.viewport.queries, "send", record)
 
     def draw(seconds=0.0):
         clock.now += seconds
@@ -39,12 +39,7 @@ def view(bpy, addon, learned, monkeypatch):
     return SimpleNamespace(draw=draw, long_sides=long_sides, data=data, scene=learned, context=context)
 
 
-def move(view):
-    view.data.view_matrix = view.data.view_matrix.copy()
-    view.data.view_matrix.translation.x += 1
-
-
-def test_small_picture_comes_first_and_the_full_one_at_rest(addon, view):
+def test_small_picture_precedes_the_full_one_at_rest(addon, view):
     view.draw()
     assert view.long_sides == [addon.viewport.FIRST_SIDE]
     view.draw(0.01)
@@ -56,11 +51,12 @@ def test_small_picture_comes_first_and_the_full_one_at_rest(addon, view):
 
 
 def test_picture_follows_swatches_and_view_and_grows_if_fast(bpy, addon, view):
-    view.draw()  # the fake engine says that it took 10 ms
+    view.draw()  # the fake engine reports 10 ms
     addon.steps.set_swatch(bpy.context.scene, "pot", 1, (0.2, 0.4, 0.8))
     upper_left = view.draw(0.01)._pixels[-1, 0, :3]  # scene-linear
     np.testing.assert_allclose(upper_left, addon.engine_api.srgb_to_linear([0.2, 0.4, 0.8]), atol=2e-3)
-    move(view)
+    view.data.view_matrix = view.data.view_matrix.copy()
+    view.data.view_matrix.translation.x += 1
     view.draw(0.01)
     first = addon.viewport.FIRST_SIDE
     assert len(view.long_sides) == 3 and view.long_sides[:2] == [first, 2 * first]
@@ -73,7 +69,7 @@ def test_orthographic_view_shows_only_a_message(bpy, addon, view, monkeypatch):
     view.data.is_perspective = False
     shown.draw(None, view.context, bpy.context.view_layer.depsgraph)
     assert "orthographic" in shown.message and shown._pixels is None
-    assert not redrawn  # else it would be drawn for ever
+    assert not redrawn  # which would redraw it for ever
 
 
 def test_failed_query_is_repeated_only_after_a_change(addon, view, monkeypatch):

@@ -1,4 +1,4 @@
-"""Viewing through a captured camera, and how a capture's world is placed in Blender's: upright, at a size."""
+"""Looking through captured cameras, and how a capture is turned and scaled into Blender's world."""
 
 from types import SimpleNamespace
 
@@ -8,10 +8,9 @@ import pytest
 TILTED = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float) @ np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
 
 
-# --- viewing through a camera: only what nobody has changed since is put back --------------------------------------
 @pytest.fixture
 def shot(bpy, addon, scene, capture_folder, tmp_path):
-    """A scene with a camera and a render size of its own, and a capture, looked through."""
+    """A scene with its own camera and render size that looks through a captured camera."""
     scene.camera = bpy.data.objects.new("Mine", bpy.data.cameras.new("Mine"))
     scene.collection.objects.link(scene.camera)
     scene.render.resolution_x, scene.render.resolution_y, scene.render.pixel_aspect_y = 1998, 1080, 1.5
@@ -19,25 +18,25 @@ def shot(bpy, addon, scene, capture_folder, tmp_path):
     return scene
 
 
-def picture(scene):
+def camera_and_size(scene):
     return scene.camera.name, scene.render.resolution_x, scene.render.resolution_y, scene.render.pixel_aspect_y
 
 
-def test_leaving_gives_the_scene_its_camera_and_picture_back(bpy, shot):
-    assert picture(shot)[:3] == ("photo_0", 24, 16)
+def test_leaving_restores_camera_and_render_size(bpy, shot):
+    assert camera_and_size(shot)[:3] == ("photo_0", 24, 16)
     bpy.ops.karf.look_through(view="photo_2")
     bpy.ops.karf.leave_view()
-    assert picture(shot) == ("Mine", 1998, 1080, 1.5)
+    assert camera_and_size(shot) == ("Mine", 1998, 1080, 1.5)
     assert not bpy.ops.karf.leave_view.poll()
 
 
-def test_what_was_chosen_meanwhile_stays(bpy, shot):
+def test_settings_changed_meanwhile_stay(bpy, shot):
     shot.camera, shot.render.resolution_x = bpy.data.objects["Mine"], 640
     bpy.ops.karf.leave_view()
-    assert picture(shot)[:3] == ("Mine", 640, 16)
+    assert camera_and_size(shot)[:3] == ("Mine", 640, 16)
 
 
-def test_the_others_hide_while_one_is_looked_through(bpy, shot):
+def test_other_cameras_hide_while_looking_through_one(bpy, shot):
     rig = {item.name: item for item in shot.karf.rig.children}
     rig["photo_1"].hide_set(True)
     shot.karf.looking.hides_others = True
@@ -45,10 +44,10 @@ def test_the_others_hide_while_one_is_looked_through(bpy, shot):
     bpy.ops.karf.look_through(view="photo_2")
     assert [name for name in rig if not rig[name].hide_get()] == ["photo_2"]
     bpy.ops.karf.leave_view()
-    assert [name for name in rig if not rig[name].hide_get()] == ["photo_0", "photo_2"]  # photo_1 was the user's wish
+    assert [name for name in rig if not rig[name].hide_get()] == ["photo_0", "photo_2"]  # the user had hidden photo_1
 
 
-def test_a_camera_that_is_clicked_becomes_the_active_view(bpy, addon, shot, monkeypatch):
+def test_clicked_camera_becomes_the_active_view(bpy, addon, shot, monkeypatch):
     layer = bpy.context.view_layer
     for name, view in (("photo_1", "photo_1"), ("Mine", "photo_1"), ("photo_2", "photo_2")):
         layer.objects.active = bpy.data.objects[name]
@@ -60,9 +59,8 @@ def test_a_camera_that_is_clicked_becomes_the_active_view(bpy, addon, shot, monk
     assert shot.karf.active_view == "photo_2"
 
 
-# --- placement -----------------------------------------------------------------------------------------------------
 def pose_of(position, target, up):
-    """The pose of a camera that looks at a target, its right axis level."""
+    """The pose of a level camera that looks at a target."""
     pose = np.eye(4)
     back = (position - target) / np.linalg.norm(position - target)
     right = np.cross(up, back) / np.linalg.norm(np.cross(up, back))
@@ -78,26 +76,26 @@ def capture_of(poses, format_name="colmap", splats=None):
 
 
 def arc(degrees, world):
-    """Cameras on part of a circle, all tilted down, in a world turned by the rotation `world`."""
+    """Poses on an arc, all tilted down, in a world turned by the rotation `world`."""
     angles = np.radians(np.linspace(0, degrees, 20))
     level = np.stack([3 * np.cos(angles), 3 * np.sin(angles), np.full(20, 2.0)], -1)
     return [pose_of(world @ place, np.zeros(3), world @ (0, 0, 1)) for place in level]
 
 
 @pytest.mark.parametrize("world", [np.eye(3), TILTED, np.diag([1.0, -1.0, -1.0])])
-def test_up_is_found_from_photos_that_are_all_taken_from_above(addon, world):
+def test_up_is_found_from_photos_taken_from_above(addon, world):
     for degrees in (70, 360):
         up = addon.cameras.up_of(capture_of(arc(degrees, world)))
         assert np.degrees(np.arccos(up @ world @ (0, 0, 1))) < 4
 
 
-def test_photos_side_by_side_are_upright_as_they_were_held(addon):
+def test_photos_side_by_side_keep_the_cameras_up(addon):
     up = np.array([0.0, -1.0, 0.0])
     poses = [pose_of(np.array([x, y, 0.0]), np.array([x, y, 9.0]), up) for x in (-1, 0, 1) for y in (-1, 0, 1)]
     np.testing.assert_allclose(addon.cameras.up_of(capture_of(poses)), up, atol=1e-6)
 
 
-def test_upright_turns_up_to_z_and_size_spreads_the_cameras(addon):
+def test_upright_turns_up_to_z_and_size_scales_the_cameras(addon):
     capture = capture_of(arc(360, TILTED))
     matrix = addon.cameras.world_matrix(capture, "upright", 12.0)
     scale = 12.0 / addon.cameras.extent_of(capture)
@@ -112,16 +110,16 @@ def test_upright_turns_up_to_z_and_size_spreads_the_cameras(addon):
         ("llff", None, "auto", True),
         ("transforms", None, "auto", False),
         ("nerf-synthetic", None, "auto", False),
-        ("transforms", "garden.ply", "auto", True),  # whose world is that of another program
+        ("transforms", "garden.ply", "auto", True),  # the world of another program
         ("colmap", None, "file", False),
     ],
 )
-def test_automatic_is_upright_only_where_the_files_axes_say_nothing(addon, format_name, splats, orientation, is_turned):
+def test_automatic_turns_only_formats_without_known_axes(addon, format_name, splats, orientation, is_turned):
     capture = capture_of(arc(360, TILTED), format_name, splats)
     matrix = addon.cameras.world_matrix(capture, orientation, 0.0)
     assert (matrix == np.eye(4)).all() != is_turned
     assert np.allclose(matrix, np.eye(4)) != is_turned
 
 
-def test_one_camera_has_an_extent(addon):
+def test_single_camera_has_an_extent(addon):
     assert addon.cameras.extent_of(capture_of([np.eye(4)])) == 1.0

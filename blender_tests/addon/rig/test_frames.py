@@ -1,4 +1,4 @@
-"""Camera animations to transforms.json and back."""
+"""Camera animations are exported to transforms.json and imported back."""
 
 import json
 
@@ -8,7 +8,7 @@ import pytest
 
 @pytest.fixture
 def film(bpy, scene):
-    """An animated camera: place, turn, lens and shifts all change."""
+    """A camera whose location, rotation, lens and shifts are animated."""
     data = bpy.data.cameras.new("film")
     camera = bpy.data.objects.new("film", data)
     scene.collection.objects.link(camera)
@@ -28,11 +28,11 @@ def film(bpy, scene):
     return camera
 
 
-def cameras_in(addon, path):
+def read_cameras(addon, path):
     return [view.camera for view in addon.engine_api.open_capture(path, photos=False).views]
 
 
-def assert_alike(found, expected):
+def assert_cameras_equal(found, expected):
     assert len(found) == len(expected)
     for a, b in zip(found, expected, strict=True):
         assert (a.width, a.height) == (b.width, b.height)
@@ -40,10 +40,10 @@ def assert_alike(found, expected):
         np.testing.assert_allclose(a.camera_to_world, b.camera_to_world, atol=2e-6)
 
 
-def test_a_round_trip_loses_nothing(addon, scene, film, tmp_path):
+def test_round_trip_is_lossless(addon, scene, film, tmp_path):
     first = addon.steps.export_cameras(scene, tmp_path / "first.json")
     scene.frame_set(5)
-    assert_alike(cameras_in(addon, first)[2:3], [addon.lens.pinhole(scene, film)])
+    assert_cameras_equal(read_cameras(addon, first)[2:3], [addon.lens.pinhole(scene, film)])
     scene.render.resolution_percentage, scene.render.pixel_aspect_y = 100, 1.0
     scene.frame_start, scene.frame_end = 1, 250
     camera = addon.steps.import_cameras(scene, first)
@@ -51,55 +51,55 @@ def test_a_round_trip_loses_nothing(addon, scene, film, tmp_path):
     assert (scene.frame_start, scene.frame_end) == (3, 9)
     second = addon.steps.export_cameras(scene, tmp_path / "second.json")
     assert json.loads(second.read_text())["frames"][0]["file_path"] == "frame_0003"
-    assert_alike(cameras_in(addon, second), cameras_in(addon, first))
+    assert_cameras_equal(read_cameras(addon, second), read_cameras(addon, first))
 
 
-def test_a_round_trip_below_a_turned_and_scaled_rig_loses_nothing(addon, project_scene, film, tmp_path):
+def test_round_trip_below_a_moved_rig_is_lossless(addon, project_scene, film, tmp_path):
     rig, scene = project_scene.karf.rig, project_scene
     rig.location, rig.rotation_euler, rig.scale = (2, -1, 0.5), (0.4, -0.2, 1.0), (1.7, 1.7, 1.7)
     first = addon.steps.export_cameras(scene, tmp_path / "first.json", frames=range(1, 13, 4))
     camera = addon.steps.import_cameras(scene, first)
     assert camera.parent == rig
-    rig.location.x += 3  # the capture's world moves as a whole
+    rig.location.x += 3  # the whole capture moves
     second = addon.steps.export_cameras(scene, tmp_path / "second.json", frames=range(1, 13, 4))
-    assert_alike(cameras_in(addon, second), cameras_in(addon, first))
+    assert_cameras_equal(read_cameras(addon, second), read_cameras(addon, first))
 
 
 @pytest.fixture
 def cameras_file(addon, tmp_path):
-    """Write a file of cameras by their names, each 40 x 30 times a number, with this fy."""
+    """A function that writes cameras by their names, each 40 x 30 times a number, with this fy."""
     api = addon.engine_api
 
     def write(**sizes):
-        cameras = [
-            api.Camera(40 * n, 30 * n, 35.0 * n, fy * n, 21.0 * n, 15.0 * n, np.eye(4)) for n, fy in sizes.values()
-        ]
-        views = [api.View(name, name, camera, None, "test") for name, camera in zip(sizes, cameras, strict=True)]
+        views = []
+        for name, (n, fy) in sizes.items():
+            camera = api.Camera(40 * n, 30 * n, 35.0 * n, fy * n, 21.0 * n, 15.0 * n, np.eye(4))
+            views.append(api.View(name, name, camera, None, "test"))
         api.write_cameras(tmp_path / "c.json", views)
-        return tmp_path / "c.json", cameras
+        return tmp_path / "c.json"
 
     return write
 
 
 def test_imported_cameras_get_frames_and_one_size(addon, scene, cameras_file, tmp_path):
     scene.frame_start = 7
-    addon.steps.import_cameras(scene, cameras_file(left=(1, 35.0), right2=(1, 35.0))[0])
+    addon.steps.import_cameras(scene, cameras_file(left=(1, 35.0), right2=(1, 35.0)))
     assert (scene.frame_start, scene.frame_end) == (7, 8)
-    file, cameras = cameras_file(f0=(1, 35.0), f1=(3, 35.0))
+    file = cameras_file(f0=(1, 35.0), f1=(3, 35.0))
     addon.steps.import_cameras(scene, file)
     found = addon.steps.export_cameras(scene, tmp_path / "d.json")
-    assert_alike(cameras_in(addon, found), [cameras[0], cameras[0]])
+    assert_cameras_equal(read_cameras(addon, found), read_cameras(addon, file)[:1] * 2)
 
 
-def test_another_aspect_is_refused_and_leaves_nothing_behind(bpy, scene, cameras_file):
-    file, _ = cameras_file(f0=(1, 35.0), f1=(1, 30.0))
+def test_mixed_aspects_are_rejected_and_import_nothing(bpy, scene, cameras_file):
+    file = str(cameras_file(f0=(1, 35.0), f1=(1, 30.0)))
     with pytest.raises(RuntimeError, match="'f1' and 'f0' have different resolutions or pixel aspects"):
-        bpy.ops.karf.import_cameras(filepath=str(file))
+        bpy.ops.karf.import_cameras(filepath=file)
     assert not bpy.data.objects
 
 
 @pytest.mark.parametrize("kind", ["ORTHO", "PANO"])
-def test_a_camera_without_a_pinhole_is_refused(bpy, addon, scene, film, tmp_path, kind):
+def test_non_perspective_camera_is_rejected(bpy, addon, scene, film, tmp_path, kind):
     film.data.type = kind
     scene.frame_set(4)
     with pytest.raises(RuntimeError, match="'film' is not a perspective camera"):
@@ -107,7 +107,7 @@ def test_a_camera_without_a_pinhole_is_refused(bpy, addon, scene, film, tmp_path
     assert not (tmp_path / "cameras.json").exists() and scene.frame_current == 4
 
 
-def test_without_a_camera_the_export_says_so(bpy, addon, scene, tmp_path):
+def test_export_without_a_camera_is_rejected(bpy, addon, scene, tmp_path):
     with pytest.raises(RuntimeError, match="no camera"):
         bpy.ops.karf.export_cameras(filepath=str(tmp_path / "cameras.json"))
     with pytest.raises(addon.engine_api.BadRequest, match="no camera"):

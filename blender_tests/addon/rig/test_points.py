@@ -1,4 +1,4 @@
-"""Sparse points in the viewport, and how far photos show them from where cameras put them."""
+"""Sparse points in the viewport, and their reprojection errors."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ LENS = (-0.2, 0.05, 0.001, -0.002)  # COLMAP's OPENCV model: k1 k2 p1 p2
 
 @pytest.fixture
 def colmap_folder(addon, tmp_path):
-    """A COLMAP text model of two photos that each observe 40 points, 3 pixels off in the first, exactly in the second."""
+    """A COLMAP text model of two photos that observe 40 points: 3 pixels off in the first, exactly in the second."""
     api, random = addon.engine_api, np.random.default_rng(0)
     positions = random.uniform([-1, -1, 4], [1, 1, 6], (40, 3))
     colors = random.integers(0, 256, (40, 3))
@@ -27,12 +27,9 @@ def colmap_folder(addon, tmp_path):
         images.append(f"{number} 1 0 0 0 {-0.2 * number} 0 0 1 p{number}.png\n{row}\n")
         addon.images.write_png(tmp_path / "shelf" / "images" / f"p{number}.png", np.zeros((SIZE[1], SIZE[0], 3)))
     (model / "images.txt").write_text("".join(images))
-    (model / "points3D.txt").write_text(
-        "".join(
-            f"{i + 1} {x} {y} {z} {r} {g} {b} {0.5 * i} 1 {i} 2 {i}\n"
-            for i, ((x, y, z), (r, g, b)) in enumerate(zip(positions, colors, strict=True))
-        )
-    )
+    rows = enumerate(zip(positions, colors, strict=True))
+    points = [f"{i + 1} {x} {y} {z} {r} {g} {b} {0.5 * i} 1 {i} 2 {i}\n" for i, ((x, y, z), (r, g, b)) in rows]
+    (model / "points3D.txt").write_text("".join(points))
     return tmp_path / "shelf"
 
 
@@ -42,18 +39,15 @@ def imported(addon, scene, colmap_folder, tmp_path):
     return scene
 
 
-def points_of(scene):
-    return next(child for child in scene.karf.rig.children if child.type == "MESH")
-
-
 def column(attribute, name, width):
     values = np.empty(len(attribute.data) * width, np.float32)
     attribute.data.foreach_get(name, values)
     return values.reshape(-1, width)
 
 
-def test_points_have_their_color_and_error_and_are_shown_as_balls(bpy, addon, imported):
-    points, item = addon.captures.of(imported).points, points_of(imported)
+def test_points_are_balls_with_color_and_error(bpy, addon, imported):
+    points = addon.captures.of(imported).points
+    item = next(child for child in imported.karf.rig.children if child.type == "MESH")
     assert len(item.data.vertices) == imported.karf.n_points == 40 and not item.data.edges
     coordinates = np.empty(120, np.float32)
     item.data.vertices.foreach_get("co", coordinates)
@@ -64,13 +58,13 @@ def test_points_have_their_color_and_error_and_are_shown_as_balls(bpy, addon, im
     np.testing.assert_allclose(column(error, "value", 1)[:, 0], points.errors)
     assert item.hide_render and not item.hide_select
     imported.view_layers[0].update()
-    shown = points_of(imported).evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    shown = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     assert len(shown.polygons) == 40 * 8 and len(shown.vertices) == 40 * 6
     assert shown.color_attributes.active_color_name == "color"
     assert shown.materials[shown.polygons[0].material_index].name.startswith("KaRF points")
 
 
-def test_points_can_be_left_out_and_errors_are_those_of_the_photo_as_stored(addon, scene, colmap_folder, tmp_path):
+def test_errors_refer_to_the_stored_photo_even_without_points(addon, scene, colmap_folder, tmp_path):
     file = colmap_folder / "sparse" / "0" / "images.txt"  # a file of the model is the capture of its folder
     addon.steps.import_capture(scene, file, tmp_path / "project", rig=addon.steps.RigOptions(points=False))
     assert addon.folders.absolute(scene.karf.capture) == colmap_folder
@@ -81,18 +75,18 @@ def test_points_can_be_left_out_and_errors_are_those_of_the_photo_as_stored(addo
     assert second.worst < 1e-3
 
 
-def test_the_overlay_puts_marks_where_the_pinhole_shows_them(addon, imported):
+def test_overlay_draws_points_where_the_pinhole_shows_them(addon, imported):
     addon.steps.look_through(imported, "p1")
-    known = addon.reprojection.of_camera(imported, imported.camera)
-    assert known.view == "p1" and known.summary.count == 40
+    overlay = addon.reprojection.of_camera(imported, imported.camera)
+    assert overlay.view == "p1" and overlay.summary.count == 40
     camera = addon.captures.view_of(imported, "p1").camera
-    projected, seen = (camera.project(places)[0] for places in (known.places[::2], known.places[1::2]))
+    projected, seen = (camera.project(places)[0] for places in (overlay.places[::2], overlay.places[1::2]))
     off = addon.engine_api.distort(camera, seen) - addon.engine_api.distort(camera, projected)
     np.testing.assert_allclose(off, np.broadcast_to([3.0, 0.0], (40, 2)), atol=0.01)
-    assert (known.colors[:, 0] > known.colors[:, 1]).all()  # 3 of 4 pixels: nearer to red than to green
+    assert (overlay.colors[:, 0] > overlay.colors[:, 1]).all()  # 3 of 4 pixels: nearer to red than to green
 
 
-def test_errors_belong_to_the_camera_looked_through(bpy, addon, imported, reopen):
+def test_errors_are_those_of_the_camera_looked_through(bpy, addon, imported, reopen):
     addon.steps.look_through(imported, "p1")
     imported.camera = addon.cameras.camera_of(imported, "p2")
     assert addon.reprojection.of_camera(imported, imported.camera) is None
@@ -106,7 +100,7 @@ def test_errors_belong_to_the_camera_looked_through(bpy, addon, imported, reopen
     assert addon.reprojection.of_camera(scene, scene.camera) is None
 
 
-def test_a_capture_without_points_says_so(addon, project_scene):
+def test_capture_without_points_is_rejected(addon, project_scene):
     with pytest.raises(addon.engine_api.DataError, match="no sparse points"):
         addon.steps.reprojection_error(project_scene)
     assert addon.reprojection.of_camera(project_scene, project_scene.camera) is None

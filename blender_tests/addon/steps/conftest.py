@@ -1,4 +1,4 @@
-"""A learned project with splats."""
+"""A learned project with splats, for the tests of steps."""
 
 import pytest
 

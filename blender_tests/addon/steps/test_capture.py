@@ -1,45 +1,35 @@
-"""Importing a capture: the rig, what the scene remembers, and refusals."""
+"""Importing a capture: the camera rig, project folders, held-out views, checks and rejected files."""
 
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 
-@pytest.fixture
-def imported(bpy, scene, capture_folder, tmp_path):
+def test_import_creates_a_camera_with_a_photo_per_view(bpy, addon, scene, capture_folder, tmp_path):
     assert bpy.ops.karf.import_capture(filepath=str(capture_folder), project=str(tmp_path / "project")) == {"FINISHED"}
-    return scene
-
-
-def splits(scene):
-    return [view.split for view in scene.karf.views]
-
-
-def test_every_view_has_a_camera_with_its_photo_and_the_scene_the_size_of_the_first(
-    bpy, addon, imported, capture_folder
-):
-    cameras = {camera.karf_view: camera for camera in imported.karf.rig.children}
+    cameras = {camera.karf_view: camera for camera in scene.karf.rig.children}
     assert sorted(cameras) == ["photo_0", "photo_1", "photo_2"]
-    for view in addon.captures.of(imported).views:
+    for view in addon.captures.of(scene).views:
         camera = cameras[view.name]
         np.testing.assert_allclose(np.array(camera.matrix_world), view.camera.camera_to_world, atol=1e-6)
         image = camera.data.background_images[0].image
         assert bpy.path.abspath(image.filepath) == str(capture_folder / "images" / f"{view.name}.png")
-    assert imported.camera.karf_view == imported.karf.active_view == "photo_0"
-    assert (imported.render.resolution_x, imported.render.resolution_y) == (24, 16)
-    aspect = imported.render.pixel_aspect_x / imported.render.pixel_aspect_y
-    assert aspect == pytest.approx(28 / 30)  # fx 30, fy 28: pixels are higher than wide
+    assert scene.camera.karf_view == scene.karf.active_view == "photo_0"
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (24, 16)
+    aspect = scene.render.pixel_aspect_x / scene.render.pixel_aspect_y
+    assert aspect == pytest.approx(28 / 30)  # fx 30, fy 28: tall pixels
     bpy.ops.karf.look_through(view="photo_2")
-    assert imported.camera.karf_view == "photo_2"
+    assert scene.camera.karf_view == "photo_2"
 
 
-def test_import_options_change_the_rig_and_never_the_pinholes(bpy, addon, scene, capture_folder, tmp_path):
+def test_import_options_change_the_rig_but_not_the_pinholes(bpy, addon, scene, capture_folder, tmp_path):
     options = {"orientation": "UPRIGHT", "size": 10.0, "photos": False, "camera_size": 5.0}
     bpy.ops.karf.import_capture(filepath=str(capture_folder), project=str(tmp_path / "project"), **options)
     capture, cameras = addon.captures.of(scene), scene.karf.rig.children
     positions = np.array([camera.matrix_world.translation for camera in cameras])
-    assert np.linalg.norm(np.ptp(positions, axis=0)) > 7  # the box was turned with the rig
+    assert np.linalg.norm(np.ptp(positions, axis=0)) > 7  # the rig turned the bounding box
     assert scene.karf.rig.scale.x == pytest.approx(10 / addon.cameras.extent_of(capture))
     for camera in cameras:
         assert not camera.data.background_images and camera.data.display_size == pytest.approx(0.5)
@@ -50,7 +40,7 @@ def test_import_options_change_the_rig_and_never_the_pinholes(bpy, addon, scene,
     assert kept == {"orientation", "size", "points", "photos", "camera_size"}
 
 
-def test_a_photo_that_cannot_be_opened_leaves_the_cameras_standing(addon, scene, capture_folder):
+def test_unreadable_photo_keeps_all_cameras(addon, scene, capture_folder):
     capture = addon.engine_api.open_capture(capture_folder)
     capture.views[1].image.unlink()
     capture.views[1].image.mkdir()
@@ -59,9 +49,8 @@ def test_a_photo_that_cannot_be_opened_leaves_the_cameras_standing(addon, scene,
     assert shown == {"photo_0": True, "photo_1": False, "photo_2": True}
 
 
-# --- refusals and undo -----------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("name", ["nowhere", "notes.txt", "weights.bin", "table.npy", "settings.json"])
-def test_what_is_no_capture_is_refused_in_a_sentence_and_leaves_nothing_behind(bpy, scene, tmp_path, name):
+def test_files_without_a_capture_are_rejected_and_change_nothing(bpy, scene, tmp_path, name):
     if "." in name:
         (tmp_path / name).write_text('{"nothing": "here"}')
     with pytest.raises(RuntimeError, match=rf"{name}.*\."):
@@ -69,20 +58,15 @@ def test_what_is_no_capture_is_refused_in_a_sentence_and_leaves_nothing_behind(b
     assert not bpy.data.cameras and scene.karf.rig is None and scene.karf.project == ""
 
 
-def test_a_rig_that_cannot_be_built_leaves_nothing_behind(bpy, addon, scene, capture_folder, monkeypatch):
-    def fail(data, photo):
-        raise RuntimeError("disk gone")
-
-    monkeypatch.setattr(addon.cameras, "_set_background", fail)
+def test_failing_rig_leaves_nothing_behind(bpy, addon, scene, capture_folder, monkeypatch):
+    monkeypatch.setattr(addon.cameras, "_set_background", Mock(side_effect=RuntimeError("disk gone")))
     with pytest.raises(RuntimeError, match="disk gone"):
         addon.steps.import_capture(scene, capture_folder, "project")
     assert not bpy.data.objects and not bpy.data.collections
 
 
 @pytest.mark.parametrize("moved", [0.0, 0.5])
-def test_the_import_removes_an_untouched_default_cube_and_undo_brings_it_back(
-    bpy, addon, capture_folder, tmp_path, moved
-):
+def test_import_removes_only_an_untouched_default_cube(bpy, addon, capture_folder, tmp_path, moved):
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     bpy.data.objects["Cube"].location.x = moved
     bpy.ops.ed.undo_push(message="before")
@@ -94,24 +78,21 @@ def test_the_import_removes_an_untouched_default_cube_and_undo_brings_it_back(
     assert not bpy.context.scene.karf.project and bpy.data.cameras.keys() == ["Camera"]
 
 
-# --- the project -----------------------------------------------------------------------------------------------------
-def test_the_default_project_folder(bpy, addon, scene, capture_folder, tmp_path, monkeypatch):
-    def user_folder(package, path, create):
-        return str(tmp_path / package.rpartition(".")[2] / path)
-
-    monkeypatch.setattr(bpy.utils, "extension_path_user", user_folder)
+def test_default_project_folder_depends_on_the_saved_file(bpy, addon, scene, capture_folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        bpy.utils, "extension_path_user", lambda package, path, create: str(tmp_path / package.split(".")[-1] / path)
+    )
     addon.steps.import_capture(scene, capture_folder)
     assert addon.folders.project_of(scene).folder == tmp_path / "karf" / "projects" / "pots"
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    scene = bpy.context.scene
-    addon.steps.import_capture(scene, capture_folder)
-    assert scene.karf.project == "//pots_karf"
-    assert addon.folders.project_of(scene).folder == tmp_path / "pots_karf"
+    addon.steps.import_capture(bpy.context.scene, capture_folder)
+    assert bpy.context.scene.karf.project == "//pots_karf"
+    assert addon.folders.project_of(bpy.context.scene).folder == tmp_path / "pots_karf"
 
 
 @pytest.mark.parametrize("file", ["", "transforms.json"])
-def test_a_capture_imported_again_keeps_its_project_and_edits(addon, learned, capture_folder, file):
+def test_reimporting_a_capture_keeps_project_and_edits(addon, learned, capture_folder, file):
     addon.steps.set_swatch(learned, "pot", 1, (0.25, 0.5, 0.75))
     project = addon.folders.project_of(learned).folder
     addon.steps.import_capture(learned, capture_folder / file)
@@ -119,19 +100,19 @@ def test_a_capture_imported_again_keeps_its_project_and_edits(addon, learned, ca
     assert learned.karf.objects["pot"].swatches[1].color[:] == (0.25, 0.5, 0.75)
 
 
-def test_saving_makes_paths_relative_and_saving_elsewhere_or_a_copy_keeps_them_right(bpy, addon, imported, tmp_path):
+def test_saving_keeps_project_paths_relative_and_valid(bpy, addon, project_scene, tmp_path):
     for folder, is_copy, path in (("a", False, "//../project"), ("b/c", False, "//../../project"), ("d", True, None)):
         file = tmp_path / folder / "shot.blend"
         file.parent.mkdir(parents=True)
         bpy.ops.wm.save_as_mainfile(filepath=str(file), copy=is_copy)
-        assert imported.karf.project == (path or "//../../project")
-        assert addon.folders.project_of(imported).folder == tmp_path / "project"
+        assert project_scene.karf.project == (path or "//../../project")
+        assert addon.folders.project_of(project_scene).folder == tmp_path / "project"
     for folder in ("b/c", "d"):
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / folder / "shot.blend"))
         assert addon.folders.project_of(bpy.context.scene).folder == tmp_path / "project"
 
 
-def test_a_learned_project_brings_its_swatches_and_masks(bpy, addon, learned, capture_folder):
+def test_importing_a_learned_project_loads_swatches_and_masks(bpy, addon, learned, capture_folder):
     project = addon.folders.project_of(learned)
     (project.masks_folder / "pot").mkdir(parents=True)
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -141,15 +122,15 @@ def test_a_learned_project_brings_its_swatches_and_masks(bpy, addon, learned, ca
     assert addon.folders.absolute(karf.masks) == project.masks_folder
 
 
-def test_finished_stages_are_those_of_the_project_as_it_is_now(addon, imported):
-    assert addon.disk.read(imported).stages == frozenset()
-    addon.steps.learn_scene(imported).wait()
-    assert addon.disk.read(imported).stages == {"geometry"}
-    addon.steps.extract_palette(imported).wait()
-    assert addon.disk.read(imported).stages == {"geometry", "palette", "recoloring"}
+def test_finished_stages_follow_the_project(addon, project_scene):
+    assert addon.disk.read(project_scene).stages == frozenset()
+    addon.steps.learn_scene(project_scene).wait()
+    assert addon.disk.read(project_scene).stages == {"geometry"}
+    addon.steps.extract_palette(project_scene).wait()
+    assert addon.disk.read(project_scene).stages == {"geometry", "palette", "recoloring"}
 
 
-def test_found_poses_get_a_new_project_beside_the_file(bpy, addon, scene, capture_folder, tmp_path):
+def test_found_poses_create_a_project_beside_the_file(bpy, addon, scene, capture_folder, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     assert bpy.ops.karf.find_poses(filepath=str(capture_folder / "images")) == {"FINISHED"}
     assert scene.karf.views.keys() == ["photo_0", "photo_1", "photo_2"]
@@ -159,8 +140,7 @@ def test_found_poses_get_a_new_project_beside_the_file(bpy, addon, scene, captur
     assert addon.folders.absolute(scene.karf.capture) == tmp_path / "images_karf_2" / "capture"
 
 
-# --- dropped files ---------------------------------------------------------------------------------------------------
-def test_a_dropped_camera_file_is_imported_at_once_and_a_folder_is_nothing(bpy, scene, capture_folder):
+def test_dropped_camera_file_is_imported_and_a_folder_ignored(bpy, scene, capture_folder):
     def drop(path):
         window = bpy.context.window_manager.windows[0]
         area = next(each for each in window.screen.areas if each.type == "VIEW_3D")
@@ -175,7 +155,7 @@ def test_a_dropped_camera_file_is_imported_at_once_and_a_folder_is_nothing(bpy, 
     assert drop(capture_folder / "transforms.json") == {"FINISHED"} and len(scene.karf.views) == 3
 
 
-def test_the_picture_takes_camera_files_until_there_are_swatches_then_edits(bpy, learned):
+def test_image_editor_accepts_captures_before_learning_and_edits_after(bpy, learned):
     def takes(handler, area):
         context = SimpleNamespace(area=SimpleNamespace(type=area), scene=learned)
         return getattr(bpy.types, handler).poll_drop.__func__(None, context)
@@ -187,22 +167,23 @@ def test_the_picture_takes_camera_files_until_there_are_swatches_then_edits(bpy,
         learned.karf.objects.clear()
 
 
-# --- held-out photos -------------------------------------------------------------------------------------------------
-def test_all_photos_are_learned_from_unless_some_are_held_out(bpy, addon, imported, capture_folder):
-    assert splits(imported) == ["train"] * 3 and imported.karf.holdout == 0
+def test_holdout_option_sets_the_held_out_views(bpy, addon, project_scene, capture_folder):
+    def splits():
+        return [view.split for view in project_scene.karf.views]
+
+    assert splits() == ["train"] * 3 and project_scene.karf.holdout == 0
     bpy.ops.karf.import_capture(filepath=str(capture_folder), holdout=2)
-    assert splits(imported) == ["test", "train", "test"] and imported.karf.holdout == 2
-    (request,) = addon.steps.learn_scene(imported).requests
+    assert splits() == ["test", "train", "test"] and project_scene.karf.holdout == 2
+    (request,) = addon.steps.learn_scene(project_scene).requests
     assert request.options["holdout"] == 2
-    project = addon.folders.project_of(imported)
+    project = addon.folders.project_of(project_scene)
     project.create(str(capture_folder))
     project.finish("geometry", "fingerprint", holdout=3)
     bpy.ops.karf.import_capture(filepath=str(capture_folder))
-    assert splits(imported) == ["test", "train", "train"]  # what it was learned without
+    assert splits() == ["test", "train", "train"]  # as the project was learned
 
 
-# --- check -----------------------------------------------------------------------------------------------------------
-def test_advice_belongs_to_the_capture(bpy, addon, project_scene, capture_folder, two_splits, tmp_path):
+def test_capture_advice_stays_until_another_capture(bpy, addon, project_scene, capture_folder, two_splits, tmp_path):
     karf = project_scene.karf
     assert bpy.ops.karf.check_capture() == {"FINISHED"}
     assert karf.is_poor and karf.advice.splitlines() == [
@@ -211,13 +192,13 @@ def test_advice_belongs_to_the_capture(bpy, addon, project_scene, capture_folder
     ]
     path = addon.folders.project_of(project_scene).folder / "inspection" / "more_photos.png"
     assert path.is_file() and bpy.data.images["KaRF more photos"].filepath == str(path)
-    assert bpy.ops.karf.learn_scene() == {"FINISHED"}  # all the same
+    assert bpy.ops.karf.learn_scene() == {"FINISHED"}  # advice blocks nothing
     assert "geometry" in addon.disk.read(project_scene).stages
     (tmp_path / "masks").mkdir()
     karf.masks = str(tmp_path / "masks")
     addon.steps.import_capture(project_scene, capture_folder)
     assert karf.advice and karf.masks
     addon.steps.check_capture(project_scene)
-    assert not karf.is_poor  # the drawn masks are looked at too
+    assert not karf.is_poor  # the check includes the masks
     addon.steps.import_capture(project_scene, two_splits, tmp_path / "other")
     assert karf.advice == karf.masks == ""

@@ -1,4 +1,4 @@
-"""Colorways from Blender: what each color will be is shown without the engine, then the engine renders them."""
+"""Colorways: colors are predicted without the engine, which then renders them."""
 
 from types import SimpleNamespace
 
@@ -20,7 +20,7 @@ def sheet(tmp_path):
     return path
 
 
-def test_what_each_color_will_be_needs_no_engine(addon, learned, sheet, monkeypatch):
+def test_colorways_are_predicted_without_an_engine(addon, learned, sheet, monkeypatch):
     monkeypatch.setenv("KARF_ENGINE_PYTHON", "/nowhere/python")
     night, day = addon.steps.predict_colorways(learned, sheet)
     assert (night.colorway.name, day.colorway.name) == ("Night", "Day")
@@ -34,7 +34,7 @@ def test_what_each_color_will_be_needs_no_engine(addon, learned, sheet, monkeypa
 
 
 @pytest.mark.parametrize("is_chosen", [True, False])
-def test_the_engine_writes_every_colorway_in_every_view(bpy, addon, learned, sheet, tmp_path, is_chosen):
+def test_engine_renders_each_colorway_in_each_view(bpy, addon, learned, sheet, tmp_path, is_chosen):
     if is_chosen:
         folder = tmp_path / "out"
         addon.steps.colorways(learned, sheet, "photo_0,photo_2", folder).wait()
@@ -45,7 +45,7 @@ def test_the_engine_writes_every_colorway_in_every_view(bpy, addon, learned, she
     assert written == ["Day/photo_0.png", "Day/photo_2.png", "Night/photo_0.png", "Night/photo_2.png"]
 
 
-def test_a_wrong_sheet_is_told_before_a_job_is_made(bpy, addon, learned, sheet):
+def test_invalid_sheet_is_rejected_before_a_job_starts(bpy, addon, learned, sheet):
     sheet.write_text(SHEET.replace("Day,pot", "Day,pan"))
     with pytest.raises(addon.engine_api.DataError, match="line 4: there is no object 'pan'"):
         addon.steps.colorways(learned, sheet).wait()
@@ -56,12 +56,11 @@ def test_a_wrong_sheet_is_told_before_a_job_is_made(bpy, addon, learned, sheet):
     assert not bpy.ops.karf.colorways.poll() and not bpy.ops.karf.render_colorways.poll()
 
 
-def test_the_dialog_lists_every_color_with_its_difference_and_the_reason(bpy, addon, learned, sheet):
+def test_dialog_lists_each_colors_difference_and_reason(bpy, addon, learned, sheet):
     operators, drawn = addon.colorways, []
     operators.show_predictions(bpy.context, sheet)
-    shown = bpy.context.window_manager.karf_colorways
-    listed = [(item.colorway, item.object) for item in shown.colors]
-    assert listed == [("Night", "pot"), ("Night", "lid"), ("Day", "pot")]
+    shown, rows = bpy.context.window_manager.karf_colorways, [("Night", "pot"), ("Night", "lid"), ("Day", "pot")]
+    assert [(item.colorway, item.object) for item in shown.colors] == rows
     for item in shown.colors:
         operators.draw_color(Layout(bpy, drawn), item)
     assert drawn.count("Night") == 2 and any("no sRGB picture" in text for text in drawn)

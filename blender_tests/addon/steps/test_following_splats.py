@@ -1,7 +1,8 @@
-"""An object of splats has the colors of the swatches, whatever changes these; the fake engine makes the colors."""
+"""A splat object follows the swatches' colors, which the fake engine computes."""
 
 import time
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,15 +14,13 @@ LEARNED, BLUE, RED = (0.8, 0.2, 0.1), (0.1, 0.2, 0.9), (0.9, 0.2, 0.1)
 
 
 @pytest.fixture
-def beside(bpy, addon, with_splats, monkeypatch):
-    """The scene as beside the interface. `settle()` is Blender's timer, until nothing is to be done any more."""
+def live(bpy, addon, with_splats, monkeypatch):
+    """The scene with an interface; `settle()` runs the timer until it is idle and counts engine queries."""
     pretend_window(bpy, monkeypatch, addon.splats, addon.queries, addon.session)
-    asked = []
-    send = addon.queries.send
+    asked, send = [], addon.queries.send
     monkeypatch.setattr(addon.queries, "send", lambda *arguments: (asked.append(arguments[2]), send(*arguments)))
 
     def settle():
-        """How often the engine was asked."""
         deadline, before = time.monotonic() + 20, len(asked)
         addon.splats._tick()
         while addon.queries.is_waiting("harmonics"):
@@ -35,17 +34,17 @@ def beside(bpy, addon, with_splats, monkeypatch):
 
 
 @pytest.fixture
-def item(bpy, addon, beside):
-    """An object that follows; its first colors are on their way."""
+def item(bpy, addon, live):
+    """A following object that waits for its first colors."""
     item = make(bpy, "kiri", 4)
     addon.steps.follow_splat(bpy.context.scene, item)
     return item
 
 
 @pytest.fixture
-def followed(beside, item):
-    """The same with its first colors."""
-    assert beside.settle() == 0  # they were asked for at once
+def followed(live, item):
+    """A following object with its first colors."""
+    assert live.settle() == 0  # already requested
     return item
 
 
@@ -55,7 +54,7 @@ def set_pot(bpy, addon):
 
 
 def assert_shows(item, color):
-    """The fake engine's harmonics: the pot's swatch, and others that count the points."""
+    """The object has the fake engine's harmonics: the pot's swatch first, then numbers that count the points."""
     found = colors_of(item)[0]
     np.testing.assert_allclose(found[:, 0], np.broadcast_to(color, (N, 3)), atol=1e-6)
     expected = np.arange(N)[:, None, None] + np.float32([[[0.1], [0.2], [0.3]]])
@@ -63,7 +62,7 @@ def assert_shows(item, color):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_script_and_the_button_give_the_current_colors(bpy, addon, with_splats, kind, set_pot):
+def test_script_and_button_apply_the_current_colors(bpy, addon, with_splats, kind, set_pot):
     item, surface = make(bpy, kind, 4), with_splats.karf.surface
     for color in (BLUE, RED):
         set_pot(color)
@@ -75,105 +74,102 @@ def test_a_script_and_the_button_give_the_current_colors(bpy, addon, with_splats
     assert_shows(item, BLUE)
 
 
-def test_it_follows_each_change_once_until_it_is_released(bpy, addon, beside, followed, set_pot):
-    (options,) = beside.asked
+def test_splats_follow_each_change_once_until_released(bpy, addon, live, followed, set_pot):
+    (options,) = live.asked
     assert options["points"]["count"] == N and options["points"]["positions"][2] == [2, 4, -2]
     assert_shows(followed, LEARNED)
     set_pot(BLUE)
-    assert beside.settle() == 1
+    assert live.settle() == 1
     assert_shows(followed, BLUE)
-    assert beside.settle() == 0
+    assert live.settle() == 0
     addon.steps.unfollow_splat(bpy.context.scene)
     set_pot(RED)
-    assert beside.settle() == 0 and addon.splats._tick() is None
+    assert live.settle() == 0 and addon.splats._tick() is None
     assert_shows(followed, BLUE)
 
 
-def test_of_several_changes_the_newest_wins(addon, beside, item, set_pot):
+def test_newest_of_several_changes_wins(addon, live, item, set_pot):
     for blue in (0.3, 0.5, 0.7):
         set_pot((0.1, 0.2, blue))
         addon.splats._tick()
-    assert len(beside.asked) == 1 and beside.settle() == 1
+    assert len(live.asked) == 1 and live.settle() == 1
     assert_shows(item, (0.1, 0.2, 0.7))
 
 
-def test_colors_that_come_too_late_are_dropped(bpy, addon, beside, item):
+def test_late_colors_are_dropped(bpy, addon, live, item):
     before = colors_of(item)[0]
     addon.steps.unfollow_splat(bpy.context.scene)
-    beside.settle()
+    live.settle()
     np.testing.assert_array_equal(colors_of(item)[0], before)
 
 
-def test_undo_of_a_swatch_brings_its_colors_back(bpy, beside, followed, set_pot):
+def test_undo_and_redo_restore_splat_colors(bpy, live, followed, set_pot):
     bpy.ops.ed.undo_push(message="as learned")
     set_pot(BLUE)
-    bpy.ops.ed.undo_push(message="blue")  # before the colors come: the step has the old ones
-    beside.settle()
+    bpy.ops.ed.undo_push(message="blue")  # pushed with the old colors, before the new ones arrive
+    live.settle()
     for step, color in ((bpy.ops.ed.undo, LEARNED), (bpy.ops.ed.redo, BLUE)):
         step()
-        beside.settle()
+        live.settle()
         assert_shows(bpy.data.objects["splats"], color)
 
 
-def test_a_deleted_object_is_asked_for_no_more_and_undo_brings_it_back(bpy, addon, beside, followed, set_pot):
+def test_deleted_object_is_skipped_until_it_returns(bpy, addon, live, followed, set_pot):
     bpy.context.scene.collection.objects.unlink(followed)
     set_pot(BLUE)
-    assert beside.settle() == 0
+    assert live.settle() == 0
     bpy.context.scene.collection.objects.link(followed)
-    assert beside.settle() == 1
+    assert live.settle() == 1
     assert_shows(followed, BLUE)
     bpy.data.objects.remove(followed)
-    assert beside.settle() == 0 and addon.splats._tick() is None
+    assert live.settle() == 0 and addon.splats._tick() is None
 
 
-def test_it_waits_in_edit_mode_for_tasks_and_for_a_project(bpy, addon, beside, item, monkeypatch):
+def test_updates_wait_for_edit_mode_tasks_and_a_project(bpy, addon, live, item, monkeypatch):
     bpy.ops.object.mode_set(mode="EDIT")
-    assert beside.settle() == 0
+    assert live.settle() == 0
     bpy.ops.object.mode_set(mode="OBJECT")
-    assert beside.settle() == 1
+    assert live.settle() == 1
     assert_shows(item, LEARNED)
     with monkeypatch.context() as patch:
         patch.setattr(addon.runner, "is_running", lambda: True)
-        assert beside.settle() == 0
-    assert beside.settle() == 1  # what the task has learned
-    beside.karf.project = ""
-    assert beside.settle() == 0
+        assert live.settle() == 0
+    assert live.settle() == 1  # the task may have changed the project
+    live.karf.project = ""
+    assert live.settle() == 0
 
 
-def test_errors_are_reported_and_the_next_change_is_asked_for(bpy, addon, beside, set_pot, monkeypatch):
+def test_errors_are_reported_and_the_next_change_is_sent(bpy, addon, live, set_pot, monkeypatch):
     item, points_of = make(bpy, "kiri", 4), addon.splat_objects.points_of
     monkeypatch.setattr(addon.splat_objects, "points_of", lambda item: points_of(item) | {"count": 3})
     addon.steps.follow_splat(bpy.context.scene, item)
-    assert beside.settle() == 0
+    assert live.settle() == 0
     assert f"has {N} points, but there are colors for 3 splats" in addon.progress.state().error
     monkeypatch.setattr(addon.splat_objects, "points_of", points_of)
     set_pot(BLUE)
-    beside.settle()
+    live.settle()
     assert_shows(item, BLUE)
-
-    def refuse(*_):
-        raise addon.engine_api.BadRequest("There is no engine yet.")
-
-    monkeypatch.setattr(addon.queries, "send", refuse)
+    no_engine = addon.engine_api.BadRequest("There is no engine yet.")
+    monkeypatch.setattr(addon.queries, "send", Mock(side_effect=no_engine))
     set_pot(RED)
     assert addon.splats._tick() is not None
     assert addon.progress.state().error == "There is no engine yet."
 
 
-def test_a_saved_object_goes_on_following_and_starts_no_engine_before_a_change(beside, followed, set_pot, reopen):
+def test_saved_object_keeps_following_without_starting_the_engine(live, followed, set_pot, reopen):
     scene = reopen()
-    assert beside.settle() == 0
+    assert live.settle() == 0
     set_pot(BLUE)
-    assert beside.settle() == 1
+    assert live.settle() == 1
     assert_shows(scene.karf.surface.splat, BLUE)
 
 
-def test_in_background_mode_no_timer_is_left_after_a_file_is_opened(bpy, addon, learned, reopen):
+def test_background_mode_leaves_no_timer_after_opening_a_file(bpy, addon, learned, reopen):
     reopen()
     assert not bpy.app.timers.is_registered(addon.splats._tick)
 
 
-def test_the_button_needs_splats_takes_another_object_and_lets_go_of_one_that_is_not_active(bpy, addon, learned):
+def test_button_needs_splats_and_switches_or_releases_objects(bpy, addon, learned):
     surface = learned.karf.surface
     make(bpy, "kiri", 4)
     assert not bpy.ops.karf.follow_splat.poll()
@@ -187,7 +183,7 @@ def test_the_button_needs_splats_takes_another_object_and_lets_go_of_one_that_is
     assert surface.splat is None and not bpy.ops.karf.follow_splat.poll()
 
 
-def test_other_objects_are_refused(bpy, addon, with_splats):
+def test_other_objects_are_rejected(bpy, addon, with_splats):
     with pytest.raises(addon.steps.KarfError, match="is not a splat object"):
         addon.steps.follow_splat(with_splats, with_splats.karf.rig)
     item = make(bpy, "kiri", 4)

@@ -1,4 +1,4 @@
-"""Live Camera: the picture follows camera, rig and swatches; a coarse one comes first."""
+"""Live Camera: the picture refines from coarse to full and follows camera, rig and swatches."""
 
 import time
 from dataclasses import replace
@@ -13,19 +13,20 @@ SIDES = [96, 100, 200]  # coarse, half, full
 GREEN = (0.8, 0.6, 0.1)  # the pot's red, greener by 0.4
 
 
+def run_until(addon, is_done):
+    """Run the timers of the preview and of the engine."""
+    deadline = time.monotonic() + 20
+    while not is_done():
+        addon.preview._tick()
+        addon.queries._poll()
+        assert time.monotonic() < deadline, addon.preview.message()
+        time.sleep(0.01)
+
+
 @pytest.fixture
-def filmed(bpy, learned):
+def live(bpy, addon, learned, image_editor, seeing, monkeypatch):
+    """Live Camera in a window. `look(n)` runs all timers until n pictures arrive, `tick()` only the preview's."""
     learned.render.resolution_x, learned.render.resolution_y = 300, 150
-    learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
-    return learned
-
-
-@pytest.fixture
-def live(bpy, addon, filmed, image_editor, seeing, monkeypatch):
-    """Live Camera on, as beside the interface.
-
-    `look(n)` is its timer and the engine's, until n pictures came; `tick()` its timer alone.
-    """
     bpy.context.window_manager.karf_preview.long_side = SIDES[-1]
     pretend_window(bpy, monkeypatch, addon.preview, addon.queries, addon.session)
     sides, take = [], addon.preview._take
@@ -35,12 +36,8 @@ def live(bpy, addon, filmed, image_editor, seeing, monkeypatch):
         take(asked, scene, answer)
 
     def look(count):
-        deadline, known = time.monotonic() + 20, len(sides)
-        while len(sides) < known + count:
-            addon.preview._tick()
-            addon.queries._poll()
-            assert time.monotonic() < deadline, addon.preview.message()
-            time.sleep(0.01)
+        known = len(sides)
+        run_until(addon, lambda: len(sides) >= known + count)
         return sides[known:]
 
     def tick():
@@ -49,16 +46,16 @@ def live(bpy, addon, filmed, image_editor, seeing, monkeypatch):
         return not addon.queries.is_waiting("preview")
 
     monkeypatch.setattr(addon.preview, "_take", taking)
-    addon.preview.start(filmed)
-    pot, editor = filmed.karf.objects["pot"].swatches[1], image_editor.spaces.active
-    return SimpleNamespace(look=look, tick=tick, scene=filmed, pot=pot, editor=editor, seeing=seeing)
+    addon.preview.start(learned)
+    pot, editor = learned.karf.objects["pot"].swatches[1], image_editor.spaces.active
+    return SimpleNamespace(look=look, tick=tick, scene=learned, pot=pot, editor=editor, seeing=seeing)
 
 
 def picture(bpy, addon):
     return addon.images.pixels(bpy.data.images["KaRF camera"])[..., :3] * 255
 
 
-def test_coarse_comes_first_then_half_then_full_all_as_large_and_then_nothing(bpy, addon, live):
+def test_picture_refines_from_coarse_to_full_and_stops(bpy, addon, live):
     found = []
     for _ in SIDES:
         found += live.look(1)
@@ -68,13 +65,13 @@ def test_coarse_comes_first_then_half_then_full_all_as_large_and_then_nothing(bp
     assert list(jobs.glob("*-warm/answers/*")) == []  # read and removed
 
 
-def test_the_picture_follows_camera_and_rig_and_swatches_without_the_engine(bpy, addon, live):
+def test_picture_follows_camera_rig_and_swatches(bpy, addon, live):
     live.look(3)
     before = picture(bpy, addon)
     live.scene.camera.location *= 0.5
     assert live.look(3) == SIDES
     assert np.allclose(picture(bpy, addon), before / 2, atol=1)
-    # the rig moves away under a camera that is not below it
+    # the rig moves away from a camera outside of it
     matrix = live.scene.camera.matrix_world.copy()
     live.scene.camera.parent, live.scene.camera.matrix_world = None, matrix
     live.scene.karf.rig.location.x += 5
@@ -88,7 +85,7 @@ def test_the_picture_follows_camera_and_rig_and_swatches_without_the_engine(bpy,
     assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
 
 
-def test_a_hidden_picture_is_not_rendered_and_a_removed_one_comes_back(bpy, addon, live):
+def test_hidden_picture_waits_and_removed_picture_returns(bpy, addon, live):
     live.look(3)
     live.editor.image = bpy.data.images.new("another", 8, 8)
     live.scene.camera.location *= 0.5
@@ -104,7 +101,7 @@ def test_a_hidden_picture_is_not_rendered_and_a_removed_one_comes_back(bpy, addo
     assert np.array_equal(picture(bpy, addon), before)
 
 
-def test_the_picture_is_looked_at_as_those_of_photos_are(bpy, addon, live):
+def test_display_modes_apply_to_the_camera_picture(bpy, addon, live):
     def shown():
         addon.preview._tick()
         return picture(bpy, addon)
@@ -120,12 +117,12 @@ def test_the_picture_is_looked_at_as_those_of_photos_are(bpy, addon, live):
     assert np.array_equal(shown(), np.hstack([learned[:, :50], edited[:, 50:]]))
     seeing.is_wiped = False
     bpy.ops.karf.solo_swatch(object_name="pot", index=1)
-    assert np.allclose(shown(), 0.25 * 255, atol=1)  # of every pixel a quarter is the swatch's
+    assert np.allclose(shown(), 0.25 * 255, atol=1)  # the swatch has a weight of 1/4 in every pixel
     seeing.mode = "DIFFERENCE"
     assert (shown() > addon.views.heat(np.zeros(1))[0] * 255 + 1).any()
 
 
-def test_masks_lie_over_the_picture_where_they_are_looked_at(addon, live):
+def test_masks_overlay_the_picture_while_the_camera_is_live(addon, live):
     live.look(3)
     assert addon.displayed.followed_camera().masks is None
     live.seeing.show_masks = True
@@ -133,11 +130,11 @@ def test_masks_lie_over_the_picture_where_they_are_looked_at(addon, live):
     masks = addon.displayed.followed_camera().masks
     assert list(masks.tints) == ["lid", "pot"] and masks.fill.shape == (100, 200, 4)
     assert addon.displayed.is_camera_in(live.editor)
-    addon.preview.stop()  # what stays is a picture as any other
+    addon.preview.stop()
     assert addon.displayed.followed_camera() is None and not addon.displayed.is_camera_in(live.editor)
 
 
-def test_what_a_camera_cannot_show_is_said(bpy, addon, live, monkeypatch):
+def test_unavailable_parts_of_the_picture_are_explained(bpy, addon, live, monkeypatch):
     live.look(3)
     assert addon.preview.missing() == ()
     live.seeing.mode = "ORIGINAL"
@@ -154,17 +151,13 @@ def test_what_a_camera_cannot_show_is_said(bpy, addon, live, monkeypatch):
     live.seeing.mode, live.seeing.show_masks = "WEIGHTS", True
     live.look(3)
     assert addon.preview.missing() == (addon.preview.NO_PALETTES, addon.preview.NO_MASKS)
-    assert np.ptp(picture(bpy, addon)) == 0  # the scene as learned, of one gray
+    assert np.ptp(picture(bpy, addon)) == 0  # the fake scene as learned is uniform
 
 
 def test_errors_are_reported_and_the_next_camera_is_tried(addon, live, monkeypatch):
     options = addon.preview._options
     monkeypatch.setattr(addon.preview, "_options", lambda *camera: options(*camera) | {"behave": "crash"})
-    deadline = time.monotonic() + 20
-    while "crashed" not in addon.preview.message():
-        addon.preview._tick()
-        addon.queries._poll()
-        assert time.monotonic() < deadline
+    run_until(addon, lambda: "crashed" in addon.preview.message())
     assert live.tick()
     monkeypatch.setattr(addon.preview, "_options", options)
     live.scene.camera.location.x += 0.1
@@ -178,7 +171,7 @@ def test_errors_are_reported_and_the_next_camera_is_tried(addon, live, monkeypat
     assert addon.preview.message() == ""
 
 
-def test_the_picture_is_saved_with_the_file_and_it_ends_with_its_project(bpy, addon, live, tmp_path):
+def test_picture_is_packed_and_live_camera_ends_with_its_project(bpy, addon, live, tmp_path):
     live.look(1)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     assert bpy.data.images["KaRF camera"].packed_file is not None
@@ -186,16 +179,17 @@ def test_the_picture_is_saved_with_the_file_and_it_ends_with_its_project(bpy, ad
     assert addon.preview._tick() is None and not addon.preview.is_live()
 
 
-def test_a_script_writes_what_a_camera_sees_and_the_switch_needs_a_window(bpy, addon, filmed, tmp_path):
+def test_script_writes_the_preview_and_live_camera_needs_a_window(bpy, addon, learned, tmp_path):
     with pytest.raises(RuntimeError, match="needs a window"):
         bpy.ops.karf.live_camera()
-    addon.steps.set_swatch(filmed, "pot", 1, GREEN)
-    path = addon.steps.preview_camera(filmed, tmp_path / "out" / "seen.png", long_side=100)
+    learned.render.resolution_x, learned.render.resolution_y = 300, 150
+    addon.steps.set_swatch(learned, "pot", 1, GREEN)
+    path = addon.steps.preview_camera(learned, tmp_path / "out" / "seen.png", long_side=100)
     seen = addon.images.read_picture(path)
     assert seen.shape == (50, 100, 3) and seen[..., 1].mean() - seen[..., 0].mean() == pytest.approx(0.1, abs=0.01)
 
 
-def test_an_enlarged_picture_keeps_its_ramp(addon):
+def test_enlarged_picture_keeps_its_ramp(addon):
     ramp = np.linspace(0, 1, 10, dtype=np.float32)
     large = addon.images.enlarged(np.broadcast_to(ramp[None, :, None], (4, 10, 4)), 40, 8)
     assert large.shape == (8, 40, 4)

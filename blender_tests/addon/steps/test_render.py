@@ -1,4 +1,4 @@
-"""Pictures on disk: the displayed view, captured views, a Blender camera's frames, also by a farm, and back in Blender."""
+"""Rendering to disk: captured views and camera frames, farm bundles, and frames shown in Blender."""
 
 import json
 import subprocess
@@ -16,7 +16,7 @@ DARK_BYTES = (32, 64, 96)
 
 @pytest.fixture
 def dark(addon, learned, tmp_path):
-    """The scene with the edit that its pictures have, and a folder for them."""
+    """The scene with a dark pot and an output folder."""
     addon.steps.set_swatch(learned, "pot", 1, DARK)
     learned.karf.out = str(tmp_path / "out")
     return learned
@@ -24,7 +24,7 @@ def dark(addon, learned, tmp_path):
 
 @pytest.fixture
 def keyed(learned):
-    """The scene whose red goes from 0 in frame 1 to 0.4 in frame 3."""
+    """The scene whose pot goes from no red in frame 1 to 0.4 in frame 3."""
     swatch = learned.karf.objects["pot"].swatches[1]
     for frame, red in ((1, 0.0), (3, 0.4)):
         swatch.color = (red, 0.2, 0.2)
@@ -43,9 +43,8 @@ def new_camera(bpy, scene, name):
     return camera
 
 
-# --- captured views --------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("has_engine", [False, True])
-def test_this_view_is_written_with_and_without_an_engine(bpy, addon, dark, tmp_path, monkeypatch, has_engine):
+def test_active_view_is_written_with_and_without_an_engine(bpy, addon, dark, tmp_path, monkeypatch, has_engine):
     if not has_engine:
         monkeypatch.setenv("KARF_ENGINE_PYTHON", str(tmp_path / "no python"))
         addon.preferences.current().engine_python = ""
@@ -63,8 +62,8 @@ def test_this_view_is_written_with_and_without_an_engine(bpy, addon, dark, tmp_p
         assert np.abs(written - np.clip(base + change, 0, 1)).max() <= 0.51 / 255
 
 
-def test_views_of_the_same_photo_name_are_written_to_files_of_their_own(addon, scene, two_splits, tmp_path):
-    """The engine writes each to the same file as Blender, rendered alone or not."""
+def test_views_with_equal_photo_names_get_separate_files(addon, scene, two_splits, tmp_path):
+    """The engine and Blender write the same files."""
     addon.steps.import_capture(scene, two_splits, tmp_path / "project")
     addon.steps.learn_scene(scene).wait()
     addon.steps.extract_palette(scene).wait()
@@ -73,11 +72,10 @@ def test_views_of_the_same_photo_name_are_written_to_files_of_their_own(addon, s
         addon.steps.show_view(scene, view).wait()
         written.append(addon.steps.save_shown(scene))
     addon.steps.render_captured(scene, "test_r_000").wait()
-    assert len(set(written)) == 2
-    assert sorted(written[0].parent.iterdir()) == sorted(written)
+    assert len(set(written)) == 2 and sorted(written[0].parent.iterdir()) == sorted(written)
 
 
-def test_captured_views_are_rendered_with_the_edit_and_what_is_there_is_skipped(addon, dark):
+def test_captured_views_render_the_edit_and_skip_existing_files(addon, dark):
     def times():
         return {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
 
@@ -89,33 +87,31 @@ def test_captured_views_are_rendered_with_the_edit_and_what_is_there_is_skipped(
     assert before == times()
     addon.steps.render_captured(dark, "all", skip_existing=False).wait()
     assert before != times()
-    assert addon.steps.show_frames(dark).source == "SEQUENCE"  # photo_0, photo_1 ..
+    assert addon.steps.show_frames(dark).source == "SEQUENCE"
     strip = addon.steps.add_strip(dark, folder)
     assert [element.filename for element in strip.elements] == sorted(before)
     assert addon.compat.strip_range(strip) == (1, 4)
 
 
-def test_photos_have_the_size_that_the_panel_says_unless_a_call_says_another(addon, learned):
-    def asked(size=None):
+def test_photo_size_follows_the_panel_unless_given(addon, learned):
+    def requested(size=None):
         return options_of(addon.steps.render_captured(learned, "all", size=size))["size"]
 
-    assert asked() == "photo"
+    assert requested() == "photo"
     learned.karf.captured_size = "LEARNED"
-    assert asked() == "learned" and asked("photo") == "photo"
+    assert requested() == "learned" and requested("photo") == "photo"
     learned.karf.captured_size, learned.karf.captured_pixels = "PIXELS", 900
-    assert asked() == 900 and asked(64) == 64
+    assert requested() == 900 and requested(64) == 64
 
 
-# --- frames of a camera ----------------------------------------------------------------------------------------------
-def test_a_cameras_frames_are_one_job_with_the_swatches_of_each_frame(addon, keyed, tmp_path):
+def test_camera_frames_render_as_one_job_with_keyframed_swatches(addon, keyed, tmp_path):
     keyed.frame_start, keyed.frame_end = 1, 5
     keyed.frame_set(2)
     folder = addon.steps.render_sequence(keyed, out=tmp_path / "out").wait()
     pictures = [addon.images.read_picture(folder / f"frame_{frame:04d}.png") for frame in range(1, 6)]
     # eased keys are symmetric: half way at frame 2, still after frame 3
     np.testing.assert_allclose([each[0, 0, 0] for each in pictures], [0, 0.2, 0.4, 0.4, 0.4], atol=0.5 / 255 + 1e-3)
-    assert keyed.frame_current == 2
-    assert pictures[0].shape == (16, 24, 3)
+    assert keyed.frame_current == 2 and pictures[0].shape == (16, 24, 3)
     options = options_of(addon.steps.render_sequence(keyed, keyed.camera, range(1, 31)))
     assert len(json.loads(Path(options["views"]).read_text())["frames"]) == len(options["edit"]) == 30
     assert len(set(options["edit"])) == 3 and set(options["edit"][2:]) == {options["edit"][2]}
@@ -123,7 +119,7 @@ def test_a_cameras_frames_are_one_job_with_the_swatches_of_each_frame(addon, key
 
 
 @pytest.mark.parametrize("names", [("Left", "Right"), ("a/b", "a_b"), ("Cam", "cam"), ("..", "__"), ("aux", "aux.001")])
-def test_two_cameras_never_share_a_picture(bpy, addon, learned, tmp_path, names):
+def test_two_cameras_never_share_a_folder(bpy, addon, learned, tmp_path, names):
     learned.karf.out = str(tmp_path / "out")
     folders = [addon.steps.camera_folder(learned, new_camera(bpy, learned, name)) for name in names]
     assert len({str(folder).casefold() for folder in folders}) == 2
@@ -131,7 +127,7 @@ def test_two_cameras_never_share_a_picture(bpy, addon, learned, tmp_path, names)
     assert all(folder.parents[1] == tmp_path / "out" for folder in folders)
 
 
-def test_a_moving_camera_reaches_the_engine_frame_by_frame(addon, learned):
+def test_moving_camera_is_sent_frame_by_frame(addon, learned):
     camera = learned.camera
     camera.parent = None
     for frame, x in ((1, 0.0), (2, 5.0)):
@@ -143,7 +139,7 @@ def test_a_moving_camera_reaches_the_engine_frame_by_frame(addon, learned):
     assert [view.name for view in views] == ["frame_0001", "frame_0002"]
 
 
-def test_what_is_missing_is_said(bpy, addon, learned, tmp_path):
+def test_missing_frames_and_cameras_are_reported(bpy, addon, learned, tmp_path):
     assert not bpy.ops.karf.add_strip.poll() and not bpy.ops.karf.show_frames.poll()
     with pytest.raises(addon.engine_api.BadRequest, match="No frames have been rendered"):
         addon.steps.show_frames(learned)
@@ -158,7 +154,7 @@ def test_what_is_missing_is_said(bpy, addon, learned, tmp_path):
     assert not bpy.ops.karf.render_camera.poll() and not bpy.ops.karf.render_view.poll()
 
 
-def test_the_dialogs_frames_are_rendered_and_the_scene_keeps_its_own(bpy, addon, learned, tmp_path):
+def test_dialog_frames_are_rendered_without_changing_the_scene(bpy, addon, learned, tmp_path):
     learned.karf.out = str(tmp_path / "out")
     assert bpy.ops.karf.render_camera(frame_start=4, frame_end=8, frame_step=2) == {"FINISHED"}
     written = sorted(path.stem for path in (addon.steps.camera_folder(learned) / "recolor").iterdir())
@@ -166,26 +162,21 @@ def test_the_dialogs_frames_are_rendered_and_the_scene_keeps_its_own(bpy, addon,
     assert (learned.frame_start, learned.frame_end) == (1, 250)
 
 
-@pytest.mark.parametrize(
-    ("file_format", "depth", "mode", "expected"),
-    [
-        ("PNG", "8", "RGB", ("png8", False)),
-        ("PNG", "16", "RGBA", ("png16", True)),
-        ("OPEN_EXR", "16", "RGBA", ("exr16", True)),
-        ("OPEN_EXR", "32", "RGB", ("exr32", False)),
-    ],
-)
-def test_the_engine_is_asked_for_the_chosen_output(addon, learned, file_format, depth, mode, expected):
+OUTPUTS = ("PNG", "8", "RGB"), ("PNG", "16", "RGBA"), ("OPEN_EXR", "16", "RGBA"), ("OPEN_EXR", "32", "RGB")
+
+
+@pytest.mark.parametrize(("file_format", "depth", "mode"), OUTPUTS)
+def test_engine_receives_the_chosen_output_format(addon, learned, file_format, depth, mode):
     learned.karf.file_format, learned.karf.color_depth, learned.karf.color_mode = file_format, depth, mode
     (request,) = addon.steps.render_sequence(learned, None, [1]).requests
+    expected = file_format.lower().removeprefix("open_") + depth, mode == "RGBA"
     assert (request.options["format"], request.options["alpha"]) == expected
     options_of_job(request.stage, request.project, request.options)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems open folders otherwise")
-def test_the_folders_in_which_files_appear_are_opened(bpy, addon, learned, tmp_path, monkeypatch):
-    opened = []
-    # what Blender's own operator calls
+def test_output_folders_are_opened(bpy, addon, learned, tmp_path, monkeypatch):
+    opened = []  # by Blender's own operator
     monkeypatch.setattr(subprocess, "check_call", lambda command: opened.append(command[-1]))
     with pytest.raises(RuntimeError, match="does not exist yet"):
         bpy.ops.karf.open_folder(folder="out")
@@ -198,7 +189,6 @@ def test_the_folders_in_which_files_appear_are_opened(bpy, addon, learned, tmp_p
     assert opened[-1] == str(tmp_path / "film")
 
 
-# --- frames back in Blender ------------------------------------------------------------------------------------------
 @pytest.fixture
 def film(addon, learned, tmp_path):
     """The scene with five frames of its camera rendered."""
@@ -207,25 +197,19 @@ def film(addon, learned, tmp_path):
     return learned
 
 
-def test_frames_are_one_sequence_and_an_editor_shows_the_frame_of_the_scene(bpy, addon, film):
+def test_rendered_frames_form_one_sequence_that_follows_the_scene(bpy, addon, film, image_editor):
     image = bpy.data.images[addon.sequences.NAME]
     assert image.source == "SEQUENCE" and image.filepath.endswith("frame_0003.png")
-    editors = [area for area in bpy.context.screen.areas if area.type == "IMAGE_EDITOR"]
-    area = editors[0] if editors else bpy.context.screen.areas[0]
-    kind, area.type = area.type, "IMAGE_EDITOR"
     bpy.context.screen.use_play_image_editors = False
-    try:
-        image = addon.steps.show_frames(film)
-        assert area.spaces.active.image == image
-        user = area.spaces.active.image_user
-        assert (user.frame_start, user.frame_offset, user.frame_duration, user.use_auto_refresh) == (3, 2, 5, True)
-        assert bpy.context.screen.use_play_image_editors  # Space over the 3D View plays it too
-    finally:
-        area.type = kind
+    image, space = addon.steps.show_frames(film), image_editor.spaces.active
+    assert space.image == image
+    user = space.image_user
+    assert (user.frame_start, user.frame_offset, user.frame_duration, user.use_auto_refresh) == (3, 2, 5, True)
+    assert bpy.context.screen.use_play_image_editors  # so Space over the 3D View plays it too
     assert [each.name for each in bpy.data.images if each.name.startswith(addon.sequences.NAME)] == [image.name]
 
 
-def test_one_click_makes_a_strip_and_frames_of_an_earlier_longer_job_are_left_out(bpy, addon, film, tmp_path):
+def test_strips_hold_only_the_frames_of_the_last_job(bpy, addon, film, tmp_path):
     assert bpy.ops.karf.add_strip() == {"FINISHED"}
     (strip,) = addon.compat.strips_of(film)
     assert (addon.compat.strip_range(strip), strip.channel) == ((3, 8), 1)
@@ -239,31 +223,22 @@ def test_one_click_makes_a_strip_and_frames_of_an_earlier_longer_job_are_left_ou
     assert addon.compat.strip_range(addon.steps.add_strip(film)) == (3, 6)
 
 
-# --- farm ------------------------------------------------------------------------------------------------------------
-@pytest.fixture
-def filmed(bpy, keyed):
-    """The keyed scene with a camera and four frames."""
-    keyed.camera = new_camera(bpy, keyed, "Path")
-    keyed.frame_start, keyed.frame_end = 1, 4
-    return keyed
-
-
-def test_a_farm_job_has_the_cameras_and_swatches_of_each_frame(bpy, addon, filmed, tmp_path):
-    filmed.karf.file_format, filmed.karf.color_depth, filmed.karf.color_mode = "OPEN_EXR", "16", "RGBA"
-    bundle = addon.steps.farm_bundle(filmed, out=tmp_path / "job", per_task=3)
+def test_farm_bundle_has_cameras_and_edits_of_each_frame(bpy, addon, keyed, tmp_path):
+    keyed.camera, keyed.frame_start, keyed.frame_end = new_camera(bpy, keyed, "Path"), 1, 4
+    keyed.karf.file_format, keyed.karf.color_depth, keyed.karf.color_mode = "OPEN_EXR", "16", "RGBA"
+    bundle = addon.steps.farm_bundle(keyed, out=tmp_path / "job", per_task=3)
     names = [f"frame_{number:04d}" for number in range(1, 5)]
     frames = json.loads((bundle / "cameras.json").read_text())["frames"]
     assert [frame["file_path"] for frame in frames] == names
     edits = {path.stem: json.loads(path.read_text())["objects"] for path in (bundle / "edits").iterdir()}
-    assert sorted(edits) == names
-    assert edits["frame_0001"] != edits["frame_0004"]
+    assert sorted(edits) == names and edits["frame_0001"] != edits["frame_0004"]
     template = json.loads((bundle / "template.json").read_text())
-    told = {entry["name"]: entry["default"] for entry in template["parameterDefinitions"]}
-    assert (told["FirstFrame"], told["LastFrame"], told["FramesPerTask"]) == (1, 4, 3)
+    defaults = {entry["name"]: entry["default"] for entry in template["parameterDefinitions"]}
+    assert (defaults["FirstFrame"], defaults["LastFrame"], defaults["FramesPerTask"]) == (1, 4, 3)
     arguments = " ".join(template["steps"][0]["script"]["actions"]["onRun"]["args"])
     assert "--base render --alpha --format exr16" in arguments
     for name in ("Path", "Path_2"):
         assert bpy.ops.karf.farm_bundle(per_task=2) == {"FINISHED"}
-        bundle = addon.folders.out_folder(filmed) / "farm" / name
+        bundle = addon.folders.out_folder(keyed) / "farm" / name
         assert (bundle / "engine" / "karf_engine" / "__main__.py").is_file()
         assert (bundle / "project" / "project.json").is_file()

@@ -1,4 +1,4 @@
-"""Steps as scripts call them: the scene first, names that the docs show, and tasks that a script waits for."""
+"""The scripting interface: steps take a scene, docs call them correctly, and tasks return results."""
 
 import ast
 import importlib
@@ -15,7 +15,7 @@ PAGES = [path for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.
 
 
 def public(steps):
-    """The functions that scripts find there, but those that are about the engine's environment and not about a scene."""
+    """The step functions, without those that manage the engine's environment and take no scene."""
     found = {name: each for name, each in vars(steps).items() if inspect.isfunction(each)}
     return {name: each for name, each in found.items() if not each.__module__.endswith(".engine")}
 
@@ -27,49 +27,43 @@ def test_every_step_takes_the_scene_first(addon):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_scripts_in_the_docs_call_steps_by_their_names_and_arguments(addon, page):
-    calls = [
-        (node.func.attr, node)
-        for block in BLOCK.findall(page.read_text())
-        if "karf_blender import steps as karf" in block
-        for node in ast.walk(ast.parse(block))
-        if isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Attribute)
-        and ast.unparse(node.func.value) == "karf"
-    ]
+def test_doc_scripts_call_steps_with_valid_arguments(addon, page):
+    blocks = [block for block in BLOCK.findall(page.read_text()) if "karf_blender import steps as karf" in block]
+    calls = [node for block in blocks for node in ast.walk(ast.parse(block)) if isinstance(node, ast.Call)]
+    calls = [call for call in calls if ast.unparse(call.func).rpartition(".")[0] == "karf"]
     assert calls
-    for name, call in calls:
-        signature = inspect.signature(getattr(addon.steps, name))
+    for call in calls:
+        signature = inspect.signature(getattr(addon.steps, call.func.attr))
         signature.bind(*call.args, **{each.arg: each.value for each in call.keywords})
-        if name in public(addon.steps):
+        if call.func.attr in public(addon.steps):
             assert ast.unparse(call.args[0]) == "scene"
 
 
-def test_a_script_of_an_earlier_version_is_told_the_new_name(addon):
+def test_old_module_name_raises_with_the_new_name(addon):
     package = importlib.import_module(f"{MODULE}.karf_blender")
     with pytest.raises(ImportError, match="headless is now steps"):
         exec(f"from {package.__name__} import headless")
     assert not hasattr(package, "handless")
 
 
-def test_a_step_works_on_the_given_scene_and_a_task_gives_its_result(addon, learned):
+def test_steps_use_the_given_scene_and_tasks_return_results(addon, learned):
     other = learned.copy()
     addon.steps.set_swatch(other, "pot", 1, "#00ff00")
     assert tuple(other.karf.objects["pot"].swatches[1].color) == (0, 1, 0)
     assert tuple(learned.karf.objects["pot"].swatches[1].color) != (0, 1, 0)
     path = addon.steps.render_view(learned).wait()
     assert path.is_file() and path.stem == learned.karf.active_view and path.parent.name == "recolor"
-    task = addon.steps.show_view(learned)  # prepared: it is shown at once
+    task = addon.steps.show_view(learned)  # already prepared
     assert task.requests == () and task.wait() == learned.karf.result
 
 
-def test_a_pretrained_nerf_goes_along_with_what_is_learned(addon, project_scene, tmp_path):
+def test_pretrained_nerf_is_passed_to_learning(addon, project_scene, tmp_path):
     assert addon.steps.learn_scene(project_scene).requests[0].options["nerf"] is None
     project_scene.karf.nerf = str(tmp_path / "200000.tar")
     assert addon.steps.learn_scene(project_scene).requests[0].options["nerf"] == str(tmp_path / "200000.tar")
 
 
-def test_steps_out_of_order_are_refused_in_words(bpy, addon, scene):
+def test_steps_out_of_order_are_rejected_with_reasons(bpy, addon, scene):
     assert not bpy.ops.karf.learn_scene.poll()
     with pytest.raises(addon.engine_api.BadRequest, match="no capture"):
         addon.steps.learn_scene(scene).wait()

@@ -8,7 +8,7 @@ KINDS = ("blender", "kiri")
 
 
 def make(bpy, kind, count, n=N):
-    """An active object in the scene with n points at (row, row^2, -row), `count` harmonics of 0.5 and opacities of 0.25."""
+    """An active object of n points at (row, row^2, -row), with `count` harmonics of 0.5 and opacities of 0.25."""
     data = bpy.data.meshes.new("splats")
     data.vertices.add(n)
     rows = np.arange(n, dtype=np.float32)
@@ -36,7 +36,7 @@ def _add_kiris(attributes, count, n):
 
 
 def _add_blenders(attributes, count, n):
-    """Before Blender 5.3 no attribute has four plain numbers: a color stands for them."""
+    """Before Blender 5.3 only color attributes have four numbers."""
     base = np.tile(np.float32([0.5, 0.5, 0.5, 0.25]), n)
     attributes.new("radiance:base", "FLOAT_COLOR", "POINT").data.foreach_set("color", base)
     for number in range(count - 1):
@@ -47,18 +47,15 @@ def _add_blenders(attributes, count, n):
 
 
 def colors_of(item):
-    """The harmonics [n, count, 3] and opacities [n] that an object has."""
+    """The harmonics [n, count, 3] and opacities [n] of an object."""
     attributes = item.data.attributes
     if item.type == "MESH":
         direct = [_read(attributes[f"f_dc_{channel}"], "value", 1) for channel in range(3)]
         n_rest = sum(name.startswith("f_rest_") for name in attributes.keys()) // 3
-        rest = [
-            np.concatenate(
-                [_read(attributes[f"f_rest_{channel * n_rest + number}"], "value", 1) for channel in range(3)], 1
-            )
-            for number in range(n_rest)
-        ]
-        return np.stack([np.concatenate(direct, 1), *rest], 1), _read(attributes["opacity"], "value", 1)[:, 0]
+        rest = [_read(attributes[f"f_rest_{number}"], "value", 1) for number in range(3 * n_rest)]
+        rows = [direct, *(rest[number::n_rest] for number in range(n_rest))]
+        harmonics = np.stack([np.concatenate(row, 1) for row in rows], 1)
+        return harmonics, _read(attributes["opacity"], "value", 1)[:, 0]
     base = _read(attributes["radiance:base"], "color", 4)
     names = [name for name in (f"radiance:sh_{number}" for number in range(24)) if name in attributes]
     return np.stack([base[:, :3], *(_read(attributes[name], "vector", 3) for name in names)], 1), base[:, 3]

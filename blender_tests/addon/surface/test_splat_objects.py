@@ -1,4 +1,4 @@
-"""Colors reach the attributes of objects of splats: a point cloud of Blender, a mesh of KIRI's add-on."""
+"""Colors are written to objects of splats: point clouds of Blender and meshes of KIRI's add-on."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def harmonics():
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("count", [1, 4, 9])
-def test_each_point_gets_the_harmonics_that_both_sides_have_and_keeps_all_else(bpy, addon, harmonics, kind, count):
+def test_points_get_common_harmonics_and_keep_the_rest(bpy, addon, harmonics, kind, count):
     item = make(bpy, kind, count)
     before, opacities = colors_of(item)
     bpy.context.view_layer.update()
@@ -45,17 +45,16 @@ def test_kiris_color_is_the_clipped_direct_part(bpy, addon, harmonics):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_another_number_of_points_is_refused_with_both(bpy, addon, harmonics, kind):
+def test_wrong_number_of_points_is_rejected(bpy, addon, harmonics, kind):
     item = make(bpy, kind, 4)
     before = colors_of(item)[0]
-    with pytest.raises(
-        addon.engine_api.BadRequest, match=f"{item.name} has {N} points, but there are colors for 3 splats"
-    ):
+    sentence = f"{item.name} has {N} points, but there are colors for 3 splats"
+    with pytest.raises(addon.engine_api.BadRequest, match=sentence):
         addon.splat_objects.write(item, harmonics[:3])
     np.testing.assert_array_equal(colors_of(item)[0], before)
 
 
-def test_of_many_points_the_first_the_last_and_some_between_are_told(bpy, addon):
+def test_64_points_stand_for_many(bpy, addon):
     points = addon.splat_objects.points_of(make(bpy, "kiri", 1, 1000))
     rows = points["rows"]
     assert rows[0] == 0 and rows[-1] == 999 and len(set(rows)) == len(points["positions"]) == 64
@@ -63,7 +62,7 @@ def test_of_many_points_the_first_the_last_and_some_between_are_told(bpy, addon)
     assert addon.splat_objects.points_of(make(bpy, "kiri", 1, 0)) == {"count": 0, "rows": [], "positions": []}
 
 
-def test_other_objects_are_no_splats(bpy, addon):
+def test_other_objects_are_not_splats(bpy, addon):
     is_splat = addon.splat_objects.is_splat
     mesh = bpy.data.objects.new("mesh", bpy.data.meshes.new("mesh"))
     mesh.data.attributes.new("f_dc_0", "FLOAT", "POINT")

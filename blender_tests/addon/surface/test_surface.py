@@ -1,16 +1,16 @@
-"""The learned scene as an object: its colors are the engine's, follow the swatches, and go into files as they are."""
+"""The learned scene as an object: its colors equal the engine's, follow the swatches and are exported."""
 
 import dataclasses
 import json
 import struct
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
-NAMES = ("lid", "pot")
-LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
+from ..conftest import run_without_extension
+from ..fake_engine.__main__ import LEARNED
+
+NAMES = tuple(LEARNED)
 EDIT = {("lid", 1): (0.9, 0.1, 0.6), ("pot", 1): (0.1, 0.3, 0.9), ("pot", 2): (0.3, 1.4, 0.2)}
 
 
@@ -44,13 +44,17 @@ def shown(addon, learned, points_file):
     return addon.steps.place_points(learned, points_file)
 
 
+def read_colors(attribute):
+    flat = np.empty(4 * len(attribute.data), np.float32)
+    attribute.data.foreach_get("color_srgb", flat)
+    return flat.reshape(-1, 4)[:, :3]
+
+
 def colors_of(bpy, item):
-    """Of the faces as they are shown, [n, 3] sRGB; a face has one color."""
+    """The shown colors of the faces, [n, 3] sRGB; each face has one."""
     data = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     assert data.color_attributes.active_color_name == "Color"
-    flat = np.empty(16 * len(data.polygons), np.float32)
-    data.attributes["Color"].data.foreach_get("color_srgb", flat)
-    corners = flat.reshape(-1, 4, 4)[..., :3]
+    corners = read_colors(data.attributes["Color"]).reshape(len(data.polygons), 4, 3)
     np.testing.assert_array_equal(corners, np.broadcast_to(corners[:, :1], corners.shape))
     return corners[:, 0]
 
@@ -67,7 +71,7 @@ def recolored(points):
     return points.recolored(edited)
 
 
-def test_the_first_time_3d_views_show_its_colors_and_later_as_the_artist_has_set_them(bpy, addon, learned, points_file):
+def test_3d_views_switch_to_colors_only_the_first_time(bpy, addon, learned, points_file):
     area = bpy.data.window_managers[0].windows[0].screen.areas[0]
     area.type = "VIEW_3D"
     shading = area.spaces.active.shading
@@ -79,7 +83,7 @@ def test_the_first_time_3d_views_show_its_colors_and_later_as_the_artist_has_set
     assert shading.light == "STUDIO"
 
 
-def test_points_are_faces_that_swatches_recolor_as_the_engine_does(bpy, addon, learned, points, points_file, shown):
+def test_points_are_faces_recolored_as_by_the_engine(bpy, addon, learned, points, points_file, shown):
     data = shown.data
     assert shown.parent == learned.karf.rig and len(data.polygons) == len(points)
     assert {"Color", "normal", "karf/lid", "karf/pot", "karf/lid/1", "karf/pot/2"} <= set(data.attributes.keys())
@@ -116,7 +120,7 @@ def test_keyframed_swatches_are_followed(bpy, addon, learned, points, shown):
     assert_recolored(bpy, shown, points)
 
 
-def test_the_radius_scales_faces_and_survives_a_new_import(bpy, addon, learned, points, points_file, shown):
+def test_radius_scales_faces_and_survives_a_new_import(bpy, addon, learned, points, points_file, shown):
     def sides():
         data = shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         return np.array([face.area for face in data.polygons]) ** 0.5, np.array([f.center for f in data.polygons])
@@ -137,28 +141,23 @@ def test_the_radius_scales_faces_and_survives_a_new_import(bpy, addon, learned, 
     assert_recolored(bpy, again, points)
 
 
-OPENED_BY_ANOTHER = """
-import os, sys, bpy, numpy as np
-bpy.ops.wm.open_mainfile(filepath=sys.argv[-2])
-assert not hasattr(bpy.types.Scene, "karf")
+SAVE_COLORS = """
 item = bpy.data.objects["KaRF scene"]
 data = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
 flat = np.empty(16 * len(data.polygons), np.float32)
 data.attributes["Color"].data.foreach_get("color_srgb", flat)
-np.save(sys.argv[-1], flat.reshape(-1, 4, 4)[:, 0, :3])
-os._exit(0)
+np.save(out, flat.reshape(-1, 4, 4)[:, 0, :3])
 """
 
 
-def test_a_saved_file_shows_its_colors_without_the_extension(bpy, addon, points, shown, tmp_path):
+def test_saved_file_shows_its_colors_without_the_extension(bpy, addon, points, shown, tmp_path):
     set_edit(bpy, addon)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    command = [sys.executable, "-c", OPENED_BY_ANOTHER, str(tmp_path / "scene.blend"), str(tmp_path / "colors.npy")]
-    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    run_without_extension(SAVE_COLORS, tmp_path / "scene.blend", tmp_path / "colors.npy")
     assert np.abs(np.load(tmp_path / "colors.npy") - recolored(points)).max() < 0.51 / 255
 
 
-def test_the_engine_is_asked_for_as_many_points_as_are_wanted(addon, learned, points_file, monkeypatch):
+def test_requested_number_of_points_reaches_the_engine(addon, learned, points_file, monkeypatch):
     monkeypatch.setenv("FAKE_POINTS", str(points_file))
     item = addon.steps.show_scene(learned, count=7000).wait()
     assert len(item.data.polygons) == 50
@@ -166,7 +165,7 @@ def test_the_engine_is_asked_for_as_many_points_as_are_wanted(addon, learned, po
     assert addon.engine_api.read_json(job / "request.json", "request")["options"]["count"] == 7000
 
 
-def test_other_palettes_than_the_scenes_are_said_and_left_as_learned(bpy, addon, learned, points, points_file):
+def test_points_of_other_palettes_warn_and_keep_their_colors(bpy, addon, learned, points, points_file):
     learned.karf.objects["pot"].swatches[1].learned = (0.5, 0.5, 0.5)
     shown = addon.steps.place_points(learned, points_file)
     set_edit(bpy, addon)
@@ -175,10 +174,7 @@ def test_other_palettes_than_the_scenes_are_said_and_left_as_learned(bpy, addon,
 
 
 def glb_colors(addon, path):
-    """The colors of a binary glTF's vertices (Khronos, glTF 2.0), without order; sRGB 0..255 [n, 3].
-
-    Read by hand: not every Blender reads the colors of points.
-    """
+    """The distinct colors of a binary glTF's vertices, sRGB 0..255 [n, 3]; not every Blender reads those of points."""
     content = path.read_bytes()
     (size,) = struct.unpack("<I", content[12:16])
     head, binary = json.loads(content[20 : 20 + size]), content[28 + size :]
@@ -192,26 +188,21 @@ def glb_colors(addon, path):
 
 
 def imported(bpy, addon, path):
-    """The colors of a file's points or faces, as Blender reads it, without order; sRGB 0..255 [n, 3]."""
+    """The distinct colors of a file's points or faces, as Blender imports them, sRGB 0..255 [n, 3]."""
     if path.suffix == ".glb":
         return glb_colors(addon, path)
     bpy.ops.wm.read_homefile(use_empty=True)
-    if path.suffix == ".ply":
-        bpy.ops.wm.ply_import(filepath=str(path))
-    else:
-        bpy.ops.wm.usd_import(filepath=str(path))
+    read = bpy.ops.wm.ply_import if path.suffix == ".ply" else bpy.ops.wm.usd_import
+    read(filepath=str(path))
     (item,) = [each for each in bpy.data.objects if each.type == "MESH" and not each.name.startswith("Icosphere")]
-    attribute = item.data.color_attributes[0]
-    flat = np.empty(4 * len(attribute.data), np.float32)
-    attribute.data.foreach_get("color_srgb", flat)
-    return np.unique(np.rint(flat.reshape(-1, 4)[:, :3] * 255).astype(int), axis=0)
+    return np.unique(np.rint(read_colors(item.data.color_attributes[0]) * 255).astype(int), axis=0)
 
 
 @pytest.mark.parametrize(
     ("name", "shape"),
     [("a.ply", "quads"), ("a.ply", "points"), ("a.glb", "quads"), ("a.glb", "points"), ("a.usdc", "quads")],
 )
-def test_a_file_has_the_colors_as_recolored(bpy, addon, points, shown, tmp_path, name, shape):
+def test_exported_file_has_the_recolored_colors(bpy, addon, points, shown, tmp_path, name, shape):
     if (name, shape) == ("a.glb", "points") and bpy.app.version < (4, 3, 0):
         with pytest.raises(addon.engine_api.BadRequest, match="cannot write points to glTF"):
             addon.steps.export_scene(bpy.context.scene, tmp_path / name, shape)
@@ -225,11 +216,11 @@ def test_a_file_has_the_colors_as_recolored(bpy, addon, points, shown, tmp_path,
     addon.steps.export_scene(bpy.context.scene, tmp_path / name, shape)
     assert in_file() == kept
     wanted, found = recolored(points) * 255, imported(bpy, addon, tmp_path / name)
-    distances = np.abs(wanted[:, None] - found[None]).max(2)  # exporters round each in their own way
+    distances = np.abs(wanted[:, None] - found[None]).max(2)  # exporters round differently
     assert distances.min(1).max() < 2 and distances.min(0).max() < 2
 
 
-def test_files_that_cannot_be_written_are_refused(addon, learned, points_file, tmp_path):
+def test_impossible_exports_are_rejected(addon, learned, points_file, tmp_path):
     with pytest.raises(addon.engine_api.BadRequest, match="not shown in 3D yet"):
         addon.steps.export_scene(learned, tmp_path / "a.ply")
     addon.steps.place_points(learned, points_file)
@@ -239,7 +230,7 @@ def test_files_that_cannot_be_written_are_refused(addon, learned, points_file, t
         addon.steps.export_scene(learned, tmp_path / "a.usdc", "points")
 
 
-def test_objects_of_long_names_keep_their_own_weights(bpy, addon, points):
+def test_objects_with_long_names_keep_their_own_weights(bpy, addon, points):
     names = ["鍋" * 60 + end for end in "ab"]
     attributes = {addon.scene_object.weight_attribute(name, 1) for name in names}
     data = bpy.data.meshes.new("long")
@@ -247,12 +238,12 @@ def test_objects_of_long_names_keep_their_own_weights(bpy, addon, points):
     assert len(attributes) == 2
 
 
-def test_points_end_where_the_scenes_edges_do(bpy, addon, learned, points, tmp_path):
+def test_points_follow_the_edges_of_the_scene(bpy, addon, learned, points, tmp_path):
     inside = points.probabilities[:, 1] > 0.5
     distances = np.where(inside, 1, -1)[:, None] * np.ones((1, 2), np.float32)
     borders = addon.engine_api.Borders(distances.astype(np.float32), np.ones(2, np.float32), np.ones(2, np.float32))
     addon.engine_api.write_points(tmp_path / "points.npz", dataclasses.replace(points, borders=borders))
     addon.steps.set_swatch(learned, "pot", 1, EDIT["pot", 1])
-    learned.karf.objects["pot"].choke = 2  # further than any point is from the border
+    learned.karf.objects["pot"].choke = 2  # farther than any point from the border
     item = addon.steps.place_points(learned, tmp_path / "points.npz")
     np.testing.assert_allclose(colors_of(bpy, item) * 255, points.colors, atol=0.01)

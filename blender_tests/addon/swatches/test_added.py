@@ -1,4 +1,4 @@
-"""Colors added to an object: what their swatches change, that tools treat them as swatches, and neutrals they spare."""
+"""Added colors: the pixels they move, the tools that treat them as swatches, and protected neutrals."""
 
 from pathlib import Path
 
@@ -8,16 +8,21 @@ import pytest
 from karf_engine.palettes.color_histogram import ColorHistogram, write_object_colors
 from karf_engine.palettes.palette import write_palettes
 
-from .scenes import BLUE, GREEN, HEIGHT, RED, WIDTH, YELLOW, color, colors, halves, palettes, pixels, show
+from .scenes import BLUE, GREEN, HEIGHT, RED, WIDTH, YELLOW, color, colors, halves, palettes, pixels, show, show_halves
 
-BLACK = (0, 0, 0)
+
+@pytest.fixture
+def pots(addon, learned):
+    """The scene with a pot, red on the left and yellow on the right."""
+    show_halves(addon, learned)
+    return learned
 
 
 def assert_shows(addon, scene, *wanted, atol=0.02):
     np.testing.assert_allclose(halves(addon, scene), wanted, atol=atol)
 
 
-def test_an_added_color_changes_no_picture(bpy, addon, pots):
+def test_adding_a_color_keeps_the_picture(bpy, addon, pots):
     addon.steps.set_swatch(pots, "pot", 1, GREEN)
     before, swatches = pixels(addon, pots), pots.karf.objects["pot"].swatches
     assert bpy.ops.karf.add_color(object_name="pot", picked=YELLOW) == {"FINISHED"}
@@ -27,34 +32,33 @@ def test_an_added_color_changes_no_picture(bpy, addon, pots):
     assert [len(palette.colors) for palette in addon.colors.palettes(pots)] == [3, 3]
 
 
-def test_only_its_pigment_follows_it_and_no_longer_other_swatches(addon, pots):
+def test_added_color_alone_moves_its_pigment(addon, pots):
     assert addon.steps.add_color(pots, "pot", YELLOW, BLUE) == 3
     assert_shows(addon, pots, RED, BLUE)
-    addon.steps.set_swatch(pots, "pot", 2, BLACK)
+    addon.steps.set_swatch(pots, "pot", 2, (0, 0, 0))
     addon.steps.set_swatch(pots, "pot", 1, GREEN)
     assert_shows(addon, pots, GREEN, BLUE)
     addon.steps.remove_color(pots, "pot", 3)
-    assert_shows(addon, pots, GREEN, BLACK, atol=0.01)
+    assert_shows(addon, pots, GREEN, (0, 0, 0), atol=0.01)
     assert len(pots.karf.objects["pot"].swatches) == 3
 
 
-def test_it_is_picked_as_learned_and_begins_as_the_edited_picture_shows_it(addon, pots):
+def test_added_color_is_picked_as_learned_and_starts_as_shown(addon, pots):
     addon.steps.set_swatch(pots, "pot", 2, BLUE)
     number = addon.steps.add_color(pots, "pot", YELLOW)
     np.testing.assert_allclose(color(pots, "pot", number), BLUE, atol=1e-6)
     assert_shows(addon, pots, RED, BLUE)
     addon.edits.reset(pots, "pot", number)
     assert_shows(addon, pots, RED, YELLOW, atol=0.01)
-    # a color is picked as learned
     addon.steps.set_swatch(pots, "pot", 1, BLUE)
-    np.testing.assert_allclose(addon.steps.color_at(pots, "pot", (0.2, 0.5)), RED, atol=1e-3)
-    np.testing.assert_allclose(addon.steps.color_at(pots, "pot", (0.8, 0.5)), YELLOW, atol=1e-3)
+    picked = [addon.steps.color_at(pots, "pot", (x, 0.5)) for x in (0.2, 0.8)]
+    np.testing.assert_allclose(picked, [RED, YELLOW], atol=1e-3)
     for name, place in (("lid", (0.2, 0.5)), ("pot", (-1, -1)), ("pot", (0.5, 1.2))):
         with pytest.raises(addon.engine_api.BadRequest, match="is not at this place"):
             addon.steps.color_at(pots, name, place)
 
 
-def test_reach_is_how_far_its_hue_goes_and_weights_are_shown_alone(bpy, addon, pots):
+def test_reach_widens_the_hue_range_and_solo_shows_weights(bpy, addon, pots):
     number = addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     swatch = pots.karf.objects["pot"].swatches[number]
     swatch.reach = 3.0
@@ -66,7 +70,7 @@ def test_reach_is_how_far_its_hue_goes_and_weights_are_shown_alone(bpy, addon, p
     bpy.context.window_manager.karf_seeing.mode = "EDITED"
 
 
-def test_links_becomes_and_matches_respect_it(addon, pots):
+def test_links_becomes_and_matches_respect_an_added_color(addon, pots):
     number = addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     addon.steps.becomes(pots, "pot", RED, GREEN)
     assert_shows(addon, pots, GREEN, BLUE, atol=0.03)
@@ -82,7 +86,7 @@ def test_links_becomes_and_matches_respect_it(addon, pots):
     assert_shows(addon, pots, RED, GREEN, atol=0.03)
 
 
-def test_removing_one_leaves_the_others_and_their_keyframes(addon, pots):
+def test_removing_an_added_color_keeps_others_and_their_keyframes(addon, pots):
     first, second = addon.steps.add_color(pots, "pot", YELLOW), addon.steps.add_color(pots, "pot", RED)
     swatches = pots.karf.objects["pot"].swatches
     for number in (first, second):
@@ -96,7 +100,7 @@ def test_removing_one_leaves_the_others_and_their_keyframes(addon, pots):
     assert_shows(addon, pots, BLUE, YELLOW)
 
 
-def test_it_stays_when_palettes_are_found_anew(addon, pots):
+def test_added_color_survives_palette_extraction(addon, pots):
     addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     pots.karf.objects["pot"].swatches[3].keyframe_insert("color", frame=1)
     pot, lid = *palettes(addon, pot=[(0.1, 0.8, 0.1), RED, YELLOW]), addon.colors.palettes(pots)[0]
@@ -108,30 +112,23 @@ def test_it_stays_when_palettes_are_found_anew(addon, pots):
     np.testing.assert_allclose(color(pots, "pot", 4), BLUE, atol=1e-6)
     (curve, *_) = addon.compat.curves_of(pots.animation_data)
     assert curve.data_path == "karf.objects[0].swatches[4].color"
-    np.testing.assert_allclose(swatches[7].color, BLUE, atol=0.02)  # of its own set
+    np.testing.assert_allclose(swatches[7].color, BLUE, atol=0.02)  # in the added color's own palette
 
 
-def test_the_compositor_and_the_scene_in_3d_have_it(bpy, addon, pots):
+def test_compositor_and_3d_points_use_an_added_color(bpy, addon, pots):
     (request,) = addon.steps.build_compositor(pots).requests
     assert request.options["edit"] is None
     addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     (request,) = addon.steps.build_compositor(pots).requests
-    edit = addon.engine_api.read_edit_file(Path(request.options["edit"]), addon.colors.palettes(pots))
+    learned = addon.colors.palettes(pots)
+    edit = addon.engine_api.read_edit_file(Path(request.options["edit"]), learned)
     assert len(edit.added["pot"]) == 1 and len(edit.colors["pot"]) == 6
-    none, weights = np.zeros((2, 3), np.float32), np.zeros((2, 2, 3), np.float16)
+    zeros, weights = np.zeros((2, 3), np.float32), np.zeros((2, 2, 3), np.float16)
     weights[0, 1, 1] = weights[1, 1, 2] = 1
-    points = addon.engine_api.ScenePoints(
-        ("lid", "pot"),
-        none,
-        none + [0, 0, 1],
-        none[:, 0] + 1,
-        np.rint(255 * np.array([RED, YELLOW])).astype(np.uint8),
-        weights.sum(2),
-        weights,
-        np.stack([palette.colors for palette in addon.colors.palettes(pots)]),
-    )
+    normals, sizes, seen = zeros + [0, 0, 1], zeros[:, 0] + 1, np.rint(255 * np.array([RED, YELLOW])).astype(np.uint8)
+    parts = zeros, normals, sizes, seen, weights.sum(2), weights, np.stack([each.colors for each in learned])
     file = addon.folders.project_of(pots).points_file
-    addon.engine_api.write_points(file, points)
+    addon.engine_api.write_points(file, addon.engine_api.ScenePoints(("lid", "pot"), *parts))
     item, flat = addon.steps.place_points(pots, file), np.empty(32, np.float32)
     for wanted in (BLUE, GREEN):
         addon.steps.set_swatch(pots, "pot", 3, wanted)
@@ -140,16 +137,15 @@ def test_the_compositor_and_the_scene_in_3d_have_it(bpy, addon, pots):
         np.testing.assert_allclose(flat.reshape(2, 4, 4)[:, 0, :3], [RED, wanted], atol=0.02)
 
 
-# --- neutrals --------------------------------------------------------------------------------------------------------
 CAN = np.array([[0, 0, 0], [0.9, 0.05, 0.1], [0.65, 0.85, 0.85]], np.float32)
-LETTERS, SILVER = np.array([0.1, 0.9, 0.0]), np.array([0.05, 0.2, 0.75])  # shares of the palette
+LETTERS, SILVER = np.array([0.1, 0.9, 0.0]), np.array([0.05, 0.2, 0.75])  # palette weights
 
 
 @pytest.fixture
 def can(addon, learned):
-    """A can whose letters are on the left of the picture, and its silver, which has red in it too, on the right."""
-    weights, shares = np.zeros((1, 3, HEIGHT, WIDTH)), np.stack([LETTERS, SILVER])
-    weights[0, :, :, :12], weights[0, :, :, 12:] = LETTERS[:, None, None], SILVER[:, None, None]
+    """A can with red letters on the left of the picture, and silver with some red in it on the right."""
+    shares = np.stack([LETTERS, SILVER])
+    weights = shares.repeat(WIDTH // 2, 0).T[None, :, None].repeat(HEIGHT, 2)
     project = addon.folders.project_of(learned)
     write_palettes(project.palette_file, palettes(addon, can=CAN[1:]), shared=False)
     write_object_colors(project.object_colors_file, {"can": ColorHistogram(shares @ CAN, np.ones(2), shares)})
@@ -160,9 +156,9 @@ def can(addon, learned):
     return learned.karf.objects["can"]
 
 
-def test_protect_neutrals_gives_the_silver_back_and_the_letters_keep_their_new_color(bpy, addon, learned, can):
+def test_protect_neutrals_restores_silver_and_keeps_edited_letters(bpy, addon, learned, can):
     before = halves(addon, learned)
-    learned.karf.material = False  # which would hold the silver of so plain a can
+    learned.karf.material = False  # would keep the silver of this simple can by itself
     can.swatches[1].color = GREEN
     dragged = halves(addon, learned)
     assert np.abs(dragged[1] - before[1]).max() > 0.05  # mint
@@ -177,7 +173,7 @@ def test_protect_neutrals_gives_the_silver_back_and_the_letters_keep_their_new_c
     np.testing.assert_allclose(silver, before[1], atol=0.01)
 
 
-def test_protect_neutrals_takes_back_what_had_followed_the_drag(addon, learned, can):
+def test_protect_neutrals_resets_swatches_that_followed_the_drag(addon, learned, can):
     before = colors(can)
     can.swatches[1].color = GREEN
     assert np.abs(colors(can) - before)[1:].max(1).min() > 0
@@ -185,16 +181,15 @@ def test_protect_neutrals_takes_back_what_had_followed_the_drag(addon, learned, 
     np.testing.assert_allclose(colors(can)[:3], before, atol=1e-6)
 
 
-def test_protection_of_an_added_color_is_a_number_proposed_or_given(bpy, addon, learned, can):
-    number = addon.steps.add_color(learned, "can", tuple(LETTERS @ CAN), reach=2.0, protect=0.0)
+def test_added_color_has_the_given_or_default_protection(bpy, addon, learned, can):
+    picked, default = tuple(LETTERS @ CAN), pytest.approx(addon.engine_api.PROTECT)
+    number = addon.steps.add_color(learned, "can", picked, reach=2.0, protect=0.0)
     bpy.ops.karf.solo_swatch(object_name="can", index=number)
     assert halves(addon, learned)[:, 0].min() > 0.5  # its hue is all that counts
     assert addon.steps.protect_neutrals(learned, "can", number) == number
     letters, silver = halves(addon, learned)[:, 0]
     bpy.context.window_manager.karf_seeing.mode = "EDITED"
-    assert letters > 0.8 and silver < 0.01
-    assert can.swatches[number].protect == pytest.approx(addon.engine_api.PROTECT)
-    proposed = addon.steps.add_color(learned, "can", tuple(LETTERS @ CAN))
-    given = addon.steps.add_color(learned, "can", tuple(LETTERS @ CAN), reach=0.5, protect=0.0)
-    assert can.swatches[proposed].protect == pytest.approx(addon.engine_api.PROTECT)
+    assert letters > 0.8 and silver < 0.01 and can.swatches[number].protect == default
+    assert can.swatches[addon.steps.add_color(learned, "can", picked)].protect == default
+    given = addon.steps.add_color(learned, "can", picked, reach=0.5, protect=0.0)
     assert (can.swatches[given].reach, can.swatches[given].protect) == (0.5, 0)

@@ -1,4 +1,4 @@
-"""One color that becomes another, also from an edited picture, and swatches fitted to a painted view."""
+"""Making one color become another, and matching swatches to a painted view or picture."""
 
 import numpy as np
 import pytest
@@ -11,26 +11,7 @@ def item(learned):
     return learned.karf.objects["pot"]
 
 
-@pytest.fixture
-def press(bpy, item):
-    """Choose a source and a target, and press Becomes."""
-
-    def press(source=None, target=None):
-        if source:
-            item.source, item.target = source, target
-        assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
-
-    return press
-
-
-def assert_shows(item, *colors, atol):
-    """The swatches have these colors; None is any."""
-    for swatch, wanted in zip(item.swatches[1:], colors, strict=True):
-        if wanted is not None:
-            np.testing.assert_allclose(swatch.color, wanted, atol=atol)
-
-
-def test_a_live_target_moves_the_swatches_from_the_main_color(item):
+def test_live_target_recolors_from_the_main_color(item):
     np.testing.assert_allclose(item.source, RED, atol=0.01)
     assert item.source[:] == item.target[:]
     item.source, item.target = RED, BLUE
@@ -38,64 +19,64 @@ def test_a_live_target_moves_the_swatches_from_the_main_color(item):
     item.live = True
     blue = item.swatches[1].color[:]
     np.testing.assert_allclose(blue, BLUE, atol=0.01)
-    item.target = GREEN
-    assert_shows(item, GREEN, None, atol=0.02)
-    item.target = BLUE
-    assert_shows(item, blue, None, atol=1e-5)
+    for target, wanted, tolerance in ((GREEN, GREEN, 0.02), (BLUE, blue, 1e-5)):
+        item.target = target
+        np.testing.assert_allclose(item.swatches[1].color, wanted, atol=tolerance)
 
 
-def test_an_impossible_source_or_target_is_reported(addon, item, press, capfd):
+def test_unreachable_source_or_target_is_reported(bpy, addon, item, capfd):
     item.source, item.target = (0.0, 1.0, 0.0), BLUE
     with pytest.raises(RuntimeError, match="pot shows no color like #00ff00"):
-        press()
+        bpy.ops.karf.becomes(object_name="pot")
     item.live = True
     np.testing.assert_array_equal(addon.colors.edited(item), addon.colors.learned(item))
     item.live = False
     item.swatches[1].locked = True
-    press(RED, BLUE)
+    item.source = RED
+    assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
     assert "not quite what was wanted, because" in capfd.readouterr().out
 
 
-def test_what_was_dragged_before_does_not_hide_the_color_that_it_begins_with(addon, learned, item, press):
+def test_earlier_drags_do_not_hide_the_source_color(bpy, addon, learned, item):
     item.target = BLUE
-    press()
+    assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
     expected = addon.colors.edited(item)
-    addon.steps.set_swatch(learned, "pot", 1, (0.2, 0.9, 0.3))  # the picture has no red any more
-    press()
+    addon.steps.set_swatch(learned, "pot", 1, (0.2, 0.9, 0.3))  # now the picture has no red
+    assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
     np.testing.assert_allclose(addon.colors.edited(item), expected, atol=1e-6)
 
 
-def test_what_is_left_follows_swatches_pair_and_rule(addon, learned, item, press):
-    api, known = addon.engine_api, addon.displayed.of(learned)
-    assert known.left_to_target(item) is None  # there is no target color
+def test_remaining_difference_follows_swatches_pair_and_rule(bpy, addon, learned, item):
+    api, left_to_target = addon.engine_api, addon.displayed.of(learned).left_to_target
+    assert left_to_target(item) is None  # no target color yet
     item.source, item.target = RED, BLUE
     red, blue = (api.srgb_to_lab(np.array(each)) for each in (item.source, item.target))
+    whole = pytest.approx(float(api.ciede2000(red, blue)), abs=1e-3)
     item.rule = "fewest"
-    assert known.left_to_target(item) == pytest.approx(float(api.ciede2000(red, blue)), abs=1e-3)
+    assert left_to_target(item) == whole
     item.rule = "becomes"
-    press()
-    assert known.left_to_target(item) < 1
-    addon.steps.set_swatch(learned, "pot", 2, (0.1, 0.9, 0.2))  # of the pot, but not of the pair
-    assert known.left_to_target(item) > 3
+    assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
+    assert left_to_target(item) < 1
+    addon.steps.set_swatch(learned, "pot", 2, (0.1, 0.9, 0.2))  # a swatch outside the pair
+    assert left_to_target(item) > 3
     item.rule = "fewest"
-    assert known.left_to_target(item) < 1
+    assert left_to_target(item) < 1
     addon.edits.reset(learned, "pot")
-    assert known.left_to_target(item) == pytest.approx(float(api.ciede2000(red, blue)), abs=1e-3)
+    assert left_to_target(item) == whole
     item.target = item.source
-    assert known.left_to_target(item) is None
+    assert left_to_target(item) is None
 
 
-# --- a painted view --------------------------------------------------------------------------------------------------
 @pytest.fixture
 def painted(addon, learned):
-    """The picture of an edit that is undone again."""
+    """The picture of an edit that was reset again."""
     addon.steps.set_swatch(learned, "lid", 1, (0.5, 0.2, 0.3))
     picture = pixels(addon, learned)
     addon.edits.reset(learned, "lid")
     return picture
 
 
-def test_a_picture_file_of_any_size_is_matched_and_what_is_left_is_told(addon, learned, painted, tmp_path):
+def test_picture_files_of_any_size_are_matched(addon, learned, painted, tmp_path):
     addon.images.write_png(tmp_path / "wanted.png", painted)
     addon.images.write_png(tmp_path / "large.png", painted.repeat(3, axis=0).repeat(3, axis=1))
     for name, share in (("wanted", 0.2), ("large", 0.3)):
@@ -110,7 +91,7 @@ def test_a_picture_file_of_any_size_is_matched_and_what_is_left_is_told(addon, l
         addon.steps.match_picture(learned, tmp_path / "wide.png")
 
 
-def test_what_is_painted_over_the_view_is_matched_to_it_alone(bpy, addon, learned, painted):
+def test_painting_over_a_view_matches_that_view_only(bpy, addon, learned, painted):
     assert bpy.ops.karf.paint_over() == {"FINISHED"}
     image = learned.karf.match.picture
     np.testing.assert_array_equal(addon.images.pixels(image)[..., :3], pixels(addon, learned))
@@ -129,7 +110,7 @@ def test_what_is_painted_over_the_view_is_matched_to_it_alone(bpy, addon, learne
         bpy.ops.karf.match_picture()
 
 
-def test_a_match_leaves_locked_swatches(addon, learned, painted, tmp_path):
+def test_matching_keeps_locked_swatches(addon, learned, painted, tmp_path):
     addon.images.write_png(tmp_path / "wanted.png", painted)
     learned.karf.objects["lid"].swatches[1].locked = True
     addon.steps.match_picture(learned, tmp_path / "wanted.png")

@@ -1,4 +1,4 @@
-"""Everything that was done to swatches survives files, looks, palettes found anew and frames."""
+"""All swatch edits survive saved files, edit files, looks, palette extraction and keyframes."""
 
 import numpy as np
 import pytest
@@ -10,22 +10,22 @@ PINK = (0.7, 0.3, 0.4)
 
 
 @pytest.fixture
-def edited(addon, pots, tmp_path):
-    """The scene after every kind of edit; learned.json has what it was."""
-    karf = addon.steps
-    karf.save_edit(pots, tmp_path / "learned.json")
-    karf.add_color(pots, "pot", YELLOW, BLUE, reach=0.75, protect=0.25)
-    karf.merge_swatch(pots, "pot", 2, 1)
-    karf.set_swatch(pots, "pot", 1, GREEN)
-    karf.set_surface(pots, "lid", 1, saturation=0.25, brightness=0.5, gloss=1.5)
-    pot, lid = pots.karf.objects["pot"], pots.karf.objects["lid"]
+def edited(addon, learned, tmp_path):
+    """The scene after every kind of edit; learned.json has the state before."""
+    show_halves(addon, learned)
+    karf, pot, lid = addon.steps, learned.karf.objects["pot"], learned.karf.objects["lid"]
+    karf.save_edit(learned, tmp_path / "learned.json")
+    karf.add_color(learned, "pot", YELLOW, BLUE, reach=0.75, protect=0.25)
+    karf.merge_swatch(learned, "pot", 2, 1)
+    karf.set_swatch(learned, "pot", 1, GREEN)
+    karf.set_surface(learned, "lid", 1, saturation=0.25, brightness=0.5, gloss=1.5)
     lid.swatches[2].locked, pot.target = True, YELLOW
     pot.choke, pot.feather, lid.feather = -1.5, 4, 3
-    pots.karf.compositing = "paper"
-    return pots
+    learned.karf.compositing = "paper"
+    return learned
 
 
-def test_a_saved_file_keeps_everything_and_its_picture_without_the_project(bpy, addon, edited, tmp_path):
+def test_saved_file_keeps_edits_and_picture_without_the_project(bpy, addon, edited, tmp_path):
     addon.steps.link_swatches(edited, ("lid", 1), ("pot", 1))
     for name in ("A", "B"):
         addon.steps.keep_look(edited, name)
@@ -41,47 +41,35 @@ def test_a_saved_file_keeps_everything_and_its_picture_without_the_project(bpy, 
         assert scene.karf.looks.keys() == ["A", "B"] and not addon.looks.is_changed(scene)
         if not is_gone:
             addon.steps.apply_edit(scene, tmp_path / "learned.json")
-            assert np.abs(pixels(addon, scene) - shown).max() > 0.1  # it goes on
+            assert np.abs(pixels(addon, scene) - shown).max() > 0.1  # it still recolors
             addon.disk.planes_file(scene).unlink()
 
 
-def by_file(addon, scene, folder):
-    addon.steps.save_edit(scene, folder / "edit.json")
-    addon.steps.apply_edit(scene, folder / "learned.json")
-    yield
-    addon.steps.apply_edit(scene, folder / "edit.json")
-    yield
-    addon.steps.save_edit(scene, folder / "same.json")
-    assert (folder / "same.json").read_text() == (folder / "edit.json").read_text()
-
-
-def by_look(addon, scene, folder):
-    addon.steps.keep_look(scene, "kept")
-    addon.steps.apply_edit(scene, folder / "learned.json")
-    yield
-    addon.steps.choose_look(scene, "kept")
-    yield
-
-
-@pytest.mark.parametrize("way", [by_file, by_look])
-def test_an_edit_file_and_a_look_bring_the_shown_state_back(addon, edited, tmp_path, way):
+def test_edit_file_and_look_restore_the_shown_state(addon, edited, tmp_path):
+    karf, file, same = addon.steps, tmp_path / "edit.json", tmp_path / "same.json"
     wanted, shown = addon.edits.edit_option(edited), pixels(addon, edited)
-    for is_back, _ in zip((False, True), steps := way(addon, edited, tmp_path), strict=False):
-        assert (addon.edits.edit_option(edited) == wanted) == is_back
-        np.testing.assert_array_equal((pixels(addon, edited) == shown).all(), is_back)
-    assert list(steps) == []
+    karf.save_edit(edited, file)
+    karf.keep_look(edited, "kept")
+    for restore in (lambda: karf.apply_edit(edited, file), lambda: karf.choose_look(edited, "kept")):
+        karf.apply_edit(edited, tmp_path / "learned.json")
+        assert addon.edits.edit_option(edited) != wanted and (pixels(addon, edited) != shown).any()
+        restore()
+        assert addon.edits.edit_option(edited) == wanted
+        np.testing.assert_array_equal(pixels(addon, edited), shown)
+        karf.save_edit(edited, same)
+        assert same.read_text() == file.read_text()
 
 
-def test_palettes_found_again_leave_everything(addon, edited):
+def test_loading_palettes_again_keeps_everything(addon, edited):
     addon.steps.link_swatches(edited, ("lid", 1), ("pot", 1))
     stored = everything_stored(edited.karf)
     addon.palettes.load_palettes(edited, addon.colors.palettes(edited))
     assert everything_stored(edited.karf) == stored
 
 
-FRAMES = {  # what is keyframed of the pot -> the picture, the second value
+FRAMES = {  # keyframed property of the pot: its picture, its second value
     "swatches[1].color": (show_halves, BLUE),
-    "swatches[3].color": (show_halves, BLUE),  # added
+    "swatches[3].color": (show_halves, BLUE),  # the added color
     "swatches[1].saturation": (show_halves, 0.0),
     "swatches[1].brightness": (show_halves, 0.5),
     "choke": (show_block, 2.0),
@@ -112,7 +100,7 @@ def test_keyframes_move_the_palette_and_the_picture(addon, learned, path):
     assert all(np.abs(pixels(addon, learned) - shown).max() > 0.02 for _, shown in found.values())
 
 
-def test_keyframes_of_one_swatch_move_those_that_are_linked_and_merged(addon, learned):
+def test_keyframes_also_move_linked_and_merged_swatches(addon, learned):
     addon.steps.link_swatches(learned, ("lid", 1), ("pot", 1))
     addon.steps.merge_swatch(learned, "pot", 2, 1)
     pot, lid = learned.karf.objects["pot"], learned.karf.objects["lid"]

@@ -1,4 +1,4 @@
-"""Named looks: whole states of the swatches that flip by a click, and stay as edits do."""
+"""Named looks: whole swatch states that a click switches between."""
 
 import json
 from types import SimpleNamespace
@@ -11,19 +11,15 @@ from .scenes import BLUE, GREEN, RED, color, pixels
 
 @pytest.fixture
 def two(bpy, addon, learned):
-    """Look A is as learned, B has a blue pot; B is in use."""
+    """Look A as learned, and look B with a blue pot, which is in use."""
     bpy.ops.karf.keep_look()
     addon.steps.set_swatch(learned, "pot", 1, BLUE)
     bpy.ops.karf.keep_look()
     return learned
 
 
-def names(scene):
-    return scene.karf.looks.keys(), scene.karf.look
-
-
-def test_a_chosen_look_brings_all_swatches_and_the_picture_at_once_in_one_step(bpy, addon, two, monkeypatch):
-    assert names(two) == (["A", "B"], "B")
+def test_choosing_a_look_recolors_once_as_one_undo_step(bpy, addon, two, monkeypatch):
+    assert two.karf.looks.keys() == ["A", "B"] and two.karf.look == "B"
     blue, made = pixels(addon, two), []
     recolor = addon.displayed.DisplayedScene.recolor
     monkeypatch.setattr(addon.displayed.DisplayedScene, "recolor", lambda self: made.append(1) or recolor(self))
@@ -36,7 +32,7 @@ def test_a_chosen_look_brings_all_swatches_and_the_picture_at_once_in_one_step(b
     np.testing.assert_array_equal(pixels(addon, two), blue)
 
 
-def test_locked_merged_and_added_swatches_are_of_the_look_too(bpy, addon, two):
+def test_looks_keep_locked_merged_and_added_swatches(bpy, addon, two):
     pot, lid = two.karf.objects["pot"], two.karf.objects["lid"].swatches
     wanted = json.loads(two.karf.looks["A"].edit)["objects"]
     addon.steps.link_swatches(two, ("lid", 1), ("pot", 1))
@@ -53,7 +49,7 @@ def test_locked_merged_and_added_swatches_are_of_the_look_too(bpy, addon, two):
     assert addon.edits.edit_option(two) == with_added
 
 
-def test_a_look_is_marked_once_swatches_or_edges_have_moved_on(bpy, addon, two, capfd):
+def test_look_counts_as_changed_after_any_edit(bpy, addon, two, capfd):
     assert not addon.looks.is_changed(two)
     two.karf.objects["pot"].feather = 4.0
     assert addon.looks.is_changed(two)
@@ -68,7 +64,7 @@ def test_a_look_is_marked_once_swatches_or_edges_have_moved_on(bpy, addon, two, 
     assert "B had changed since you kept it: undo restores the changes" in capfd.readouterr().out
 
 
-def test_flipping_goes_back_and_forth_between_the_last_two_and_all_sidebars_show_it(bpy, addon, two, monkeypatch):
+def test_flip_switches_the_last_two_looks_and_redraws_sidebars(bpy, addon, two, monkeypatch):
     drawn = []
     monkeypatch.setattr(addon.windows, "redraw_sidebars", lambda: drawn.append(two.karf.look))
     bpy.ops.karf.keep_look()
@@ -78,10 +74,10 @@ def test_flipping_goes_back_and_forth_between_the_last_two_and_all_sidebars_show
     assert drawn == ["C", "A", "C", "A", "C"]
     bpy.ops.karf.remove_look(name="A")
     bpy.ops.karf.flip_looks()
-    assert two.karf.look == "B"  # the other one is gone: the next of the list
+    assert two.karf.look == "B"  # the previous look is gone: the next in the list
 
 
-def test_the_key_flips_over_the_recolored_picture_alone(bpy, two, image_editor):
+def test_key_flips_looks_only_over_the_recolored_picture(bpy, two, image_editor):
     window = bpy.context.window_manager.windows[0]
     region = next(each for each in image_editor.regions if each.type == "WINDOW")
     button = SimpleNamespace(execute=lambda context: "flipped")
@@ -91,13 +87,13 @@ def test_the_key_flips_over_the_recolored_picture_alone(bpy, two, image_editor):
             assert bpy.types.KARF_OT_flip_looks.invoke(button, bpy.context, None) == result
 
 
-def test_looks_are_renamed_moved_and_removed_but_never_share_a_folder(bpy, addon, two):
-    for new, sentence in (("", "empty"), ("a", "use the same folder"), ("A", "use the same folder")):
-        with pytest.raises(RuntimeError, match=sentence):
+def test_looks_can_be_renamed_moved_and_removed(bpy, addon, two):
+    for new, reason in (("", "empty"), ("a", "use the same folder"), ("A", "use the same folder")):
+        with pytest.raises(RuntimeError, match=reason):
             bpy.ops.karf.rename_look(name="B", new=new)
-    assert names(two) == (["A", "B"], "B")
+    assert two.karf.looks.keys() == ["A", "B"] and two.karf.look == "B"
     bpy.ops.karf.rename_look(name="B", new="Winter")
-    assert names(two) == (["A", "Winter"], "Winter")
+    assert two.karf.looks.keys() == ["A", "Winter"] and two.karf.look == "Winter"
     for _ in range(2):
         bpy.ops.karf.move_look(name="Winter", by=-1)
         assert two.karf.looks.keys() == ["Winter", "A"]
@@ -110,7 +106,7 @@ def test_looks_are_renamed_moved_and_removed_but_never_share_a_folder(bpy, addon
 
 
 @pytest.mark.parametrize("text", ["{", "[" * 100_000])
-def test_a_spoiled_look_says_so_and_changes_nothing(bpy, addon, two, text):
+def test_damaged_look_is_rejected_and_changes_nothing(bpy, addon, two, text):
     before = addon.edits.edit_option(two)
     two.karf.looks["A"].edit = text
     with pytest.raises(RuntimeError, match="The look 'A' is not a valid edit"):
@@ -119,9 +115,8 @@ def test_a_spoiled_look_says_so_and_changes_nothing(bpy, addon, two, text):
 
 
 @pytest.mark.parametrize("is_camera", [False, True])
-def test_every_look_is_rendered_in_a_folder_of_its_own(bpy, addon, two, is_camera):
+def test_each_look_is_rendered_to_its_own_folder(bpy, addon, two, is_camera):
     two.frame_start, two.frame_end = 1, 2
-    two.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
     options = {"what": "CAMERA"} if is_camera else {"views": "photo_0,photo_2"}
     assert bpy.ops.karf.render_looks(**options) == {"FINISHED"}
     folder = addon.steps.looks_folder(two, of_camera=is_camera)

@@ -1,4 +1,6 @@
-"""The paint of a swatch: its shades follow a drag, and saturation, brightness and gloss change how it is shown."""
+"""Material editing: shades follow a dragged paint, and surfaces change its saturation, brightness and gloss."""
+
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -10,8 +12,17 @@ from .scenes import BLUE, GREEN, YELLOW, colors, palettes, set_histogram
 
 
 @pytest.fixture
+def pot(addon, learned):
+    """A pot of a lit red, a shaded red and a green."""
+    (palette,) = palettes(addon, pot=[(0.8, 0.1, 0.1), (0.4, 0.05, 0.05), (0.1, 0.6, 0.1)])
+    set_histogram(addon, learned, palette.colors, np.repeat(np.eye(4)[1:], 20, axis=0))
+    addon.palettes.load_palettes(learned, [palette])
+    return learned.karf.objects["pot"]
+
+
+@pytest.fixture
 def edited(addon, pot):
-    """The palette that is shown."""
+    """Returns the shown palette."""
     return lambda: addon.colors.edited(pot)
 
 
@@ -19,23 +30,27 @@ def is_gray(color):
     return np.ptp(color) < 0.03
 
 
-# --- dragging --------------------------------------------------------------------------------------------------------
-def test_shades_of_the_paint_follow_and_other_paints_stay(pot):
+def test_shades_follow_their_paint_and_other_paints_stay(pot):
     before = colors(pot)
     pot.swatches[1].color = BLUE
     first = colors(pot)
     np.testing.assert_allclose(first[1], BLUE, atol=1e-6)
     assert first[2, 2] > 0.25 and first[2, 0] < 0.12
     np.testing.assert_allclose(first[3], before[3], atol=0.02)
-    pot.swatches[3].color = YELLOW  # a second paint goes on from the first
+    pot.swatches[3].color = YELLOW  # a second paint keeps the first
     np.testing.assert_allclose(colors(pot)[1:3], first[1:3], atol=0.02)
     np.testing.assert_allclose(colors(pot)[3], YELLOW, atol=1e-6)
 
 
-def test_a_drag_depends_on_its_start_and_last_color_alone(bpy, pot):
+@pytest.mark.parametrize("is_merged", [False, True])
+def test_drag_depends_only_on_its_start_and_end(bpy, addon, learned, pot, is_merged):
+    if is_merged:
+        addon.steps.merge_swatch(learned, "pot", 2, 1)
     before = colors(pot)
     pot.swatches[1].color = BLUE
     direct = colors(pot)
+    if is_merged:
+        np.testing.assert_allclose(direct[2] - before[2], np.maximum(direct[1] - before[1], -before[2]), atol=1e-6)
     for color in (GREEN, (0.01, 0.0, 0.0), (1.0, 1.0, 0.0), BLUE):
         pot.swatches[1].color = color
     np.testing.assert_array_equal(colors(pot), direct)
@@ -46,18 +61,7 @@ def test_a_drag_depends_on_its_start_and_last_color_alone(bpy, pot):
     np.testing.assert_array_equal(colors(pot), before)
 
 
-def test_so_does_a_drag_of_a_swatch_with_merged_ones(addon, learned, pot):
-    addon.steps.merge_swatch(learned, "pot", 2, 1)
-    before = colors(pot)
-    pot.swatches[1].color = BLUE
-    direct = colors(pot)
-    np.testing.assert_allclose(direct[2] - before[2], np.maximum(direct[1] - before[1], -before[2]), atol=1e-6)
-    for color in (GREEN, BLUE):
-        pot.swatches[1].color = color
-    np.testing.assert_array_equal(colors(pot), direct)
-
-
-def test_a_drag_leaves_locked_swatches_and_without_material_all_others(addon, learned, pot):
+def test_drag_skips_locked_swatches_and_without_material_all_others(addon, learned, pot):
     before = colors(pot)
     pot.swatches[2].locked = True
     pot.swatches[1].color = BLUE
@@ -70,7 +74,7 @@ def test_a_drag_leaves_locked_swatches_and_without_material_all_others(addon, le
     np.testing.assert_array_equal(colors(pot)[2:], before[2:])
 
 
-def test_a_linked_swatch_takes_its_own_paint_along(addon, learned, pot):
+def test_linked_swatch_takes_its_paint_along(addon, learned, pot):
     before = colors(pot)
     addon.steps.link_swatches(learned, ("pot", 3), ("pot", 1))
     pot.swatches[1].color = BLUE
@@ -78,8 +82,8 @@ def test_a_linked_swatch_takes_its_own_paint_along(addon, learned, pot):
     assert colors(pot)[2, 2] > before[2, 2] + 0.1
 
 
-def test_metal_says_that_highlights_take_the_paints_color(addon, learned, pot):
-    pot.swatches[1].color = BLUE  # a drag that ends with the palette
+def test_metal_tints_highlights_with_the_paint(addon, learned, pot):
+    pot.swatches[1].color = BLUE  # loading another palette ends this drag
     (gold,) = palettes(addon, pot=[(0.85, 0.65, 0.35), (1, 0.95, 0.75)])
     set_histogram(addon, learned, gold.colors, np.repeat(np.eye(3)[1:], 20, axis=0))
     addon.palettes.load_palettes(learned, [gold])
@@ -94,7 +98,7 @@ def test_metal_says_that_highlights_take_the_paints_color(addon, learned, pot):
     np.testing.assert_array_equal(colors(item), varnish)
 
 
-def test_keyframes_of_a_drag_move_its_paint_in_a_file_that_is_opened_again(addon, learned, pot, reopen):
+def test_keyframed_drag_moves_its_paint_after_reopening(addon, learned, pot, reopen):
     project, seen = addon.folders.project_of(learned), addon.displayed.of(learned).learned_histogram("pot")
     write_palettes(project.palette_file, addon.colors.palettes(learned), shared=False)
     write_object_colors(project.object_colors_file, {"pot": seen})
@@ -111,8 +115,7 @@ def test_keyframes_of_a_drag_move_its_paint_in_a_file_that_is_opened_again(addon
         np.testing.assert_allclose(colors(scene.karf.objects["pot"]), wanted, atol=1e-4)
 
 
-# --- surfaces --------------------------------------------------------------------------------------------------------
-def test_a_surface_turns_the_paint_gray_and_neutral_numbers_show_the_chosen_colors_very_bits(addon, pot, edited):
+def test_saturation_grays_the_paint_and_neutral_surfaces_are_exact(addon, pot, edited):
     chosen = addon.colors.chosen(pot)
     pot.swatches[1].saturation = 0
     assert is_gray(edited()[1]) and is_gray(edited()[2])
@@ -124,7 +127,7 @@ def test_a_surface_turns_the_paint_gray_and_neutral_numbers_show_the_chosen_colo
     assert edited().tobytes() == addon.colors.chosen(pot).tobytes()
 
 
-def test_a_surface_depends_on_its_last_number_and_follows_drags(pot, edited):
+def test_surface_depends_on_its_last_value_and_follows_drags(pot, edited):
     pot.swatches[1].brightness = 0.4
     direct = edited()
     for value in (-1, 0.9, 0.0, 1.7, 0.4):
@@ -136,7 +139,7 @@ def test_a_surface_depends_on_its_last_number_and_follows_drags(pot, edited):
     assert is_gray(edited()[1]) and edited()[1].sum() < 1.2
 
 
-def test_splitting_a_swatch_that_had_a_surface_changes_no_color(bpy, pot, edited):
+def test_splitting_a_swatch_with_a_surface_changes_no_color(bpy, pot, edited):
     pot.swatches[2].saturation = 0
     bpy.ops.karf.merge_swatch(object_name="pot", index=2, into=1)
     before = edited()
@@ -145,7 +148,7 @@ def test_splitting_a_swatch_that_had_a_surface_changes_no_color(bpy, pot, edited
     np.testing.assert_array_equal(edited(), before)
 
 
-def test_a_locked_swatch_keeps_what_it_shows(addon, pot, edited):
+def test_locked_swatch_keeps_its_shown_color(addon, pot, edited):
     chosen = addon.colors.chosen(pot)
     pot.swatches[2].locked = True
     pot.swatches[1].saturation = 0
@@ -163,7 +166,7 @@ def test_a_locked_swatch_keeps_what_it_shows(addon, pot, edited):
     np.testing.assert_array_equal(edited(), chosen)
 
 
-def test_linked_swatches_share_their_surface_and_an_added_color_has_its_own(addon, learned, pot, edited):
+def test_linked_swatches_share_surfaces_but_added_colors_do_not(addon, learned, pot, edited):
     number = addon.steps.add_color(learned, "pot", (0.1, 0.6, 0.1))
     before = edited()
     addon.steps.set_surface(learned, "pot", number, saturation=0)
@@ -179,7 +182,7 @@ def test_linked_swatches_share_their_surface_and_an_added_color_has_its_own(addo
     assert (pot.swatches[1].saturation, pot.swatches[1].gloss) == (1, 0.5)
 
 
-def test_becomes_begins_from_what_is_shown_and_leaves_no_surface(addon, learned, pot, edited):
+def test_becomes_starts_from_shown_colors_and_clears_surfaces(addon, learned, pot, edited):
     addon.steps.set_surface(learned, "pot", 1, saturation=0)
     pot.source, pot.target = edited()[1], BLUE
     addon.edits.become_target(pot)
@@ -188,26 +191,23 @@ def test_becomes_begins_from_what_is_shown_and_leaves_no_surface(addon, learned,
 
 
 @pytest.mark.parametrize("operator", ["reset_surface", "reset_swatch"])
-def test_reset_gives_the_learned_colors_back(bpy, addon, pot, edited, operator):
+def test_reset_restores_the_learned_colors(bpy, addon, pot, edited, operator):
     pot.swatches[1].gloss, pot.swatches[1].saturation = 0.5, 0.2
     getattr(bpy.ops.karf, operator)(object_name="pot", index=1)
     assert edited().tobytes() == addon.colors.learned(pot).tobytes()
 
 
-def test_without_counted_colors_what_was_shown_stays(addon, learned, pot, edited):
+def test_missing_color_counts_keep_the_shown_colors(addon, learned, pot, edited):
     pot.swatches[1].saturation = 0
     gray = edited()
     addon.displayed.forget(learned)
-
-    def lost(name):
-        raise addon.steps.KarfError("The project is gone.", "Choose it anew.")
-
-    addon.displayed.of(learned).learned_histogram = lost
+    gone = addon.steps.KarfError("The project is gone.", "Choose it anew.")
+    addon.displayed.of(learned).learned_histogram = Mock(side_effect=gone)
     pot.swatches[3].gloss = 0.5
     np.testing.assert_array_equal(edited(), gray)
 
 
-def test_a_driven_socket_follows(bpy, addon, learned, pot, edited):
+def test_driven_socket_follows_a_surface(bpy, addon, learned, pot, edited):
     tree, group = (bpy.data.node_groups.new(name, "ShaderNodeTree") for name in ("follows", "sockets"))
     group.interface.new_socket("pot 1", in_out="INPUT", socket_type="NodeSocketColor")
     node = tree.nodes.new("ShaderNodeGroup")

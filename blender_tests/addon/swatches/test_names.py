@@ -1,4 +1,4 @@
-"""Colors by name from a book, and what a color chart or a gray card makes of them."""
+"""Color names from a book, and the light that a color chart or a gray card gives them."""
 
 import sys
 from types import SimpleNamespace
@@ -10,13 +10,12 @@ from ..layout import Layout, drawn_preferences
 from .scenes import color
 
 BOOK = "name,hex,lab\nTraffic red,#b3241b,\nSky,#3a7fb0,\nNeon,,60 90 -90\n"
-DAMAGED = "name,hex\nRed,red\n"
 WARM = np.array([1.0, 0.75, 0.5])
 
 
 @pytest.fixture
 def book(bpy, addon, tmp_path):
-    """A book that is chosen in the preferences; none is before and after."""
+    """A color book chosen in the preferences for this test."""
     path = tmp_path / "inks.csv"
     path.write_text(BOOK)
     bpy.ops.karf.choose_color_book(filepath=str(path))
@@ -26,15 +25,13 @@ def book(bpy, addon, tmp_path):
 
 @pytest.fixture
 def use(bpy):
-    """Give the pot's first swatch a name."""
-    return lambda name, **place: bpy.ops.karf.use_color_name(
-        object_name="pot", color_name=name, **place or {"index": 1}
-    )
+    """Apply a color name to the pot, to its first swatch unless told otherwise."""
+    return lambda name, index=1: bpy.ops.karf.use_color_name(object_name="pot", color_name=name, index=index)
 
 
 @pytest.fixture
 def drawn(bpy, addon, learned):
-    """What a menu of the pot's first swatch shows."""
+    """Returns the texts and operators in a menu of the pot's first swatch."""
 
     def drawn(menu="KARF_MT_swatch_names"):
         found, item = [], learned.karf.objects["pot"]
@@ -45,11 +42,7 @@ def drawn(bpy, addon, learned):
     return drawn
 
 
-def text_of(addon, color):
-    return addon.engine_api.rgb_to_hex(np.array(color))
-
-
-def test_a_swatch_says_its_numbers_and_its_nearest_names(learned, book, drawn):
+def test_swatch_menu_shows_color_numbers_and_nearest_names(learned, book, drawn):
     learned.karf.objects["pot"].swatches[1].color = (1, 0, 0)
     texts = drawn()
     assert {"Lab (D65)   53.2   80.1   67.2", "LCh (D65)   53.2   104.6   40.0\N{DEGREE SIGN}"} <= {*texts}
@@ -57,35 +50,32 @@ def test_a_swatch_says_its_numbers_and_its_nearest_names(learned, book, drawn):
     assert [name.partition(":")[0] for name in names] == ["Traffic red", "Neon", "Sky"]
 
 
-def test_without_a_book_there_are_numbers_and_the_way_to_one(drawn, use):
+def test_menu_without_a_book_offers_to_choose_one(drawn, use):
     texts = drawn()
     assert "karf.choose_color_book" in texts and "karf.use_color_name" not in texts
     with pytest.raises(RuntimeError, match="No color book is chosen"):
         use("Sky")
 
 
-def test_a_name_sets_the_swatch_and_its_material_follows(bpy, addon, learned, book, drawn, use):
+def test_color_name_sets_the_swatch_with_its_material_or_the_target(bpy, addon, learned, book, drawn, use):
     learned.karf.objects["pot"].swatches[1].color = addon.engine_api.hex_to_rgb("#3a7fb0")
     follows = color(learned, "pot", 2)
     addon.edits.reset(learned, "pot")
     use("Sky")
-    assert text_of(addon, color(learned, "pot", 1)) == "#3a7fb0"
+    assert addon.engine_api.rgb_to_hex(color(learned, "pot", 1)) == "#3a7fb0"
     np.testing.assert_allclose(color(learned, "pot", 2), follows, atol=1e-5)
     assert any(": invisible (0.0)" in text for text in drawn())
-    bpy.ops.karf.find_color_name(object_name="pot", index=1, entry="0")  # searched for
-    assert text_of(addon, color(learned, "pot", 1)) == "#b3241b"
+    bpy.ops.karf.find_color_name(object_name="pot", index=1, entry="0")
+    assert addon.engine_api.rgb_to_hex(color(learned, "pot", 1)) == "#b3241b"
     learned.karf.objects["pot"].swatches[1].locked = True
     with pytest.raises(RuntimeError, match="locked"):
         use("Sky")
-
-
-def test_a_name_sets_the_target_color(addon, learned, book, drawn, use):
     use("traffic RED", index=0)
-    assert text_of(addon, learned.karf.objects["pot"].target) == "#b3241b"
+    assert addon.engine_api.rgb_to_hex(learned.karf.objects["pot"].target) == "#b3241b"
     assert any("Traffic red: invisible" in text for text in drawn("KARF_MT_target_names"))
 
 
-def test_out_of_gamut_names_and_relative_paths(bpy, addon, learned, book, tmp_path):
+def test_out_of_gamut_names_and_relative_book_paths_work(bpy, addon, learned, book, tmp_path):
     read = addon.color_book.known().book
     assert addon.steps.use_color_name(learned, "pot", 1, read, "Neon") > 3
     assert addon.steps.use_color_name(learned, "pot", 1, read, "Sky") == 0
@@ -95,7 +85,7 @@ def test_out_of_gamut_names_and_relative_paths(bpy, addon, learned, book, tmp_pa
     assert preferences.color_book == str(book) and len(addon.color_book.known().book) == 3
 
 
-def test_a_book_is_read_again_only_where_it_has_changed(addon, book, drawn, monkeypatch):
+def test_book_is_read_again_only_after_a_change(addon, book, drawn, monkeypatch):
     read = []
     real = addon.color_book.read_color_book
     monkeypatch.setattr(addon.color_book, "read_color_book", lambda path: read.append(path) or real(path))
@@ -106,7 +96,7 @@ def test_a_book_is_read_again_only_where_it_has_changed(addon, book, drawn, monk
     assert len(addon.color_book.known().book) == 4 and len(read) == 1
 
 
-@pytest.mark.parametrize("content, sentence", [(DAMAGED, "is not a color"), (None, "does not exist")])
+@pytest.mark.parametrize("content, sentence", [("name,hex\nRed,red\n", "is not a color"), (None, "does not exist")])
 def test_menu_and_preferences_report_a_damaged_book(bpy, addon, book, drawn, use, content, sentence):
     assert sentence not in drawn_preferences(bpy, addon.preferences.current())
     book.unlink() if content is None else book.write_text(content)
@@ -116,15 +106,14 @@ def test_menu_and_preferences_report_a_damaged_book(bpy, addon, book, drawn, use
         use("Sky")
 
 
-def test_a_file_that_is_no_book_is_not_chosen(bpy, addon, book, tmp_path):
+def test_other_files_are_not_chosen_as_a_book(bpy, addon, book, tmp_path):
     (tmp_path / "other.acb").write_bytes(b"8BPS")
     with pytest.raises(RuntimeError, match="does not begin with 8BCB"):
         bpy.ops.karf.choose_color_book(filepath=str(tmp_path / "other.acb"))
     assert addon.preferences.current().color_book == str(book)
 
 
-# --- light -----------------------------------------------------------------------------------------------------------
-def test_a_gray_card_gives_the_light_of_names(bpy, addon, learned, book, drawn, use):
+def test_gray_card_lights_color_names(bpy, addon, learned, book, drawn, use):
     api, card = addon.engine_api, np.array((0.6, 0.46, 0.35))
     learned.karf.card = card
     use("Sky")
@@ -132,18 +121,18 @@ def test_a_gray_card_gives_the_light_of_names(bpy, addon, learned, book, drawn, 
     np.testing.assert_allclose(color(learned, "pot", 1), wanted, atol=1e-5)
     assert np.abs(wanted - api.hex_to_rgb("#3a7fb0")).max() > 0.05
     names = [text for text in drawn() if text.startswith("Sky")]
-    assert names and "invisible" in names[0]  # read back under daylight it is that color
+    assert names and "invisible" in names[0]  # converted back to daylight, it is that color
     learned.karf.card = (1, 1, 1)
     found = []
     addon.editing.draw_light(Layout(bpy, found), learned)
     assert found[-2:] == ["card", "The card is too dark or too bright at this point"]
     use("Sky")
-    assert text_of(addon, color(learned, "pot", 1)) == "#3a7fb0"
+    assert addon.engine_api.rgb_to_hex(color(learned, "pot", 1)) == "#3a7fb0"
 
 
 @pytest.fixture
 def chart(bpy, addon):
-    """A photo of a chart under a warm light, and the corners of its patches in it, from 0 to 1 from below."""
+    """A photo of a chart under warm light, and the chart's corners from 0 to 1, y upward."""
     api = addon.engine_api
     reference = sys.modules[api.fit_photo.__module__].reference_colors()
     patches = np.clip(api.linear_to_srgb(api.srgb_to_linear(reference) * WARM), 0, 1)
@@ -158,11 +147,7 @@ def chart(bpy, addon):
     bpy.data.images.remove(image)
 
 
-def light_of(addon, scene):
-    return addon.colors.reference_light(scene).matrix
-
-
-def test_a_chart_turns_names_into_what_the_photos_show_of_them(addon, learned, chart):
+def test_chart_converts_names_to_photographed_colors(addon, learned, chart):
     fit, named = addon.steps.pick_chart(learned, *chart), np.array([0.4, 0.5, 0.6])
     assert fit.mean_residual < 0.5 and learned.karf.chart_left == pytest.approx(fit.mean_residual)
     np.testing.assert_allclose(np.reshape(learned.karf.chart, (3, 3)), np.diag(WARM), atol=0.02)
@@ -172,12 +157,11 @@ def test_a_chart_turns_names_into_what_the_photos_show_of_them(addon, learned, c
     np.testing.assert_allclose(addon.colors.as_named(learned, seen), named, atol=1e-6)
 
 
-def test_a_chart_goes_before_a_gray_card_and_can_be_removed(bpy, addon, learned, chart):
+def test_chart_overrides_a_gray_card_until_removed(bpy, addon, learned, chart):
     learned.karf.card = (0.5, 0.5, 0.5)
-    card, (image, corners) = light_of(addon, learned), chart
+    card, (image, corners) = addon.colors.reference_light(learned).matrix, chart
     assert bpy.ops.karf.pick_chart(image=image.name, corners=np.ravel(corners)) == {"FINISHED"}
-    np.testing.assert_allclose(light_of(addon, learned), np.diag(WARM), atol=0.02)
-    # a refused chart leaves the light as it was
+    np.testing.assert_allclose(addon.colors.reference_light(learned).matrix, np.diag(WARM), atol=0.02)
     before = list(learned.karf.chart)
     with pytest.raises(RuntimeError, match=r"does not look like a color chart|not those of a color chart"):
         bpy.ops.karf.pick_chart(image=image.name, corners=[0, 0.1, 0.1, 0.1, 0.1, 0, 0, 0])
@@ -185,24 +169,23 @@ def test_a_chart_goes_before_a_gray_card_and_can_be_removed(bpy, addon, learned,
         bpy.ops.karf.pick_chart(image="nothing", corners=[0] * 8)
     assert list(learned.karf.chart) == before
     bpy.ops.karf.remove_chart()
-    np.testing.assert_array_equal(light_of(addon, learned), card)
+    np.testing.assert_array_equal(addon.colors.reference_light(learned).matrix, card)
 
 
-def test_the_engine_finds_the_chart_in_the_photo_of_a_picture(addon, learned, chart, tmp_path):
+def test_engine_finds_the_chart_in_a_photo(addon, learned, chart, tmp_path):
     image, _ = chart
     with pytest.raises(addon.engine_api.BadRequest, match=r"chart\.png has no file"):
         addon.steps.find_chart(learned, image)
     image.filepath_raw = str(tmp_path / "chart.png")
     image.save()
-    of_the_view = addon.images.new_image("KaRF view", 4, 4)  # a picture of KaRF: its photo is the active view's
-    for picture in (image, of_the_view):
+    for picture in (image, addon.images.new_image("KaRF view", 4, 4)):  # KaRF's own stands for the active view's photo
         addon.colors.forget_chart(learned)
         addon.steps.find_chart(learned, picture)
         np.testing.assert_allclose(np.reshape(learned.karf.chart, (3, 3)), np.eye(3) / 2)
         assert learned.karf.chart_left == 0.25
 
 
-def test_a_sheet_of_colorways_is_under_the_light_of_the_chart(addon, learned, chart, tmp_path):
+def test_colorway_sheets_use_the_charts_light(addon, learned, chart, tmp_path):
     sheet = tmp_path / "sheet.csv"
     sheet.write_text("colorway,object,hex\nBrown,pot,#806050\n")
     (plain,) = addon.steps.predict_colorways(learned, sheet)

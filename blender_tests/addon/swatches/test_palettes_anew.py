@@ -1,4 +1,4 @@
-"""Palettes found anew: edits, looks, locks and keyframes stay with their object and color, and nothing is lost."""
+"""Loading new palettes keeps edits, looks, locks and keyframes with their object and color."""
 
 import json
 
@@ -22,15 +22,15 @@ def load(addon, scene, **objects):
     addon.palettes.load_palettes(scene, palettes(addon, **objects))
 
 
-def keyed(scene, name, index):
-    """Keyframe a swatch from 0 at frame 1 to 1 at frame 11."""
+def keyframe_swatch(scene, name, index):
+    """Keyframe a swatch from black at frame 1 to white at frame 11."""
     swatch = scene.karf.objects[name].swatches[index]
     for frame, value in ((1, 0.0), (11, 1.0)):
         swatch.color = (value,) * 3
         swatch.keyframe_insert("color", frame=frame)
 
 
-def at_frame_6(scene, name, index):
+def color_at_frame_6(scene, name, index):
     for frame in (11, 6):
         scene.frame_set(frame)
     return color(scene, name, index)
@@ -40,7 +40,7 @@ def kept_files(addon, scene):
     return sorted((addon.folders.project_of(scene).folder / "edits").glob("kept-*.json"))
 
 
-def test_edits_locks_and_pairs_stay_when_palettes_are_extracted_anew(addon, blue):
+def test_extracting_palettes_again_keeps_edits_locks_and_targets(addon, blue):
     lid, pot = blue.karf.objects
     lid.swatches[2].locked, pot.target = True, BLUE
     addon.steps.extract_palette(blue).wait()
@@ -49,22 +49,23 @@ def test_edits_locks_and_pairs_stay_when_palettes_are_extracted_anew(addon, blue
     assert lid.swatches[2].locked and not kept_files(addon, blue)
 
 
-def test_edits_and_looks_follow_their_object_and_color_in_another_order(addon, blue):
+def test_edits_and_looks_follow_reordered_objects_and_colors(addon, blue):
     addon.steps.keep_look(blue, "blue")
-    addon.steps.set_swatch(blue, "pot", 1, GREEN)  # of no look
-    blue.karf.objects["pot"].swatches[2].locked, blue.karf.objects["pot"].swatches[2].saturation = True, 0.25
+    addon.steps.set_swatch(blue, "pot", 1, GREEN)  # in no look
+    swatch = blue.karf.objects["pot"].swatches[2]
+    swatch.locked, swatch.saturation = True, 0.25
     load(addon, blue, new=[(0, 0, 1)], pot=[POT[1], GREEN, (0.82, 0.19, 0.12)], lid=LID)
     np.testing.assert_allclose(color(blue, "pot", 3), GREEN)
-    assert [swatch.locked for swatch in blue.karf.objects["pot"].swatches] == [True, True, False, False]
-    assert [swatch.saturation for swatch in blue.karf.objects["pot"].swatches] == [1, 0.25, 1, 1]
+    swatches = [(swatch.locked, swatch.saturation) for swatch in blue.karf.objects["pot"].swatches]
+    assert swatches == [(True, 1), (True, 0.25), (False, 1), (False, 1)]
     assert not kept_files(addon, blue)
     assert blue.karf.look == "blue" and addon.looks.is_changed(blue)
     addon.steps.choose_look(blue, "blue")
     np.testing.assert_allclose(color(blue, "pot", 3), BLUE)
-    np.testing.assert_allclose(color(blue, "pot", 2), GREEN)  # new: as learned
+    np.testing.assert_allclose(color(blue, "pot", 2), GREEN)  # a new color stays as learned
 
 
-def test_edits_without_their_colors_are_saved_to_files(addon, blue):
+def test_edits_of_lost_colors_are_saved_to_files(addon, blue):
     addon.steps.keep_look(blue, "B")
     wanted = json.loads(blue.karf.looks["B"].edit)
     addon.steps.set_swatch(blue, "pot", 1, GREEN)
@@ -80,41 +81,41 @@ def test_edits_without_their_colors_are_saved_to_files(addon, blue):
     assert not len(blue.karf.looks) and not blue.karf.look
 
 
-def test_keyframes_and_drivers_stay_with_their_objects_swatch(addon, learned):
-    keyed(learned, "lid", 2)
+def test_keyframes_and_drivers_follow_their_swatch(addon, learned):
+    keyframe_swatch(learned, "lid", 2)
     curve = learned.driver_add("karf.objects[1].swatches[1].color", 0)
     curve.driver.type, curve.driver.expression = "SCRIPTED", "frame / 10"
     load(addon, learned, box=LID, pot=POT, lid=LID[::-1])
-    np.testing.assert_allclose(at_frame_6(learned, "lid", 1), 0.5, atol=1e-4)
+    np.testing.assert_allclose(color_at_frame_6(learned, "lid", 1), 0.5, atol=1e-4)
     np.testing.assert_allclose([color(learned, "box", 2), color(learned, "lid", 2)], [(1, 1, 1), LID[0]])
     learned.frame_set(5)
     assert color(learned, "pot", 1)[0] == pytest.approx(0.5)
 
 
 def test_keyframes_and_drivers_wait_for_a_missing_object(addon, learned):
-    keyed(learned, "lid", 2)
+    keyframe_swatch(learned, "lid", 2)
     curve = learned.driver_add('karf.objects["lid"].swatches[1].color', 0)
     for _ in range(2):
         load(addon, learned, pot=POT)
-        np.testing.assert_allclose(at_frame_6(learned, "pot", 2), POT[1])
+        np.testing.assert_allclose(color_at_frame_6(learned, "pot", 2), POT[1])
     load(addon, learned, pot=POT, lid=[(0.5, 0, 0.5), *LID])
-    np.testing.assert_allclose(at_frame_6(learned, "lid", 3), 0.5, atol=1e-4)
+    np.testing.assert_allclose(color_at_frame_6(learned, "lid", 3), 0.5, atol=1e-4)
     assert curve.data_path == "karf.objects[1].swatches[2].color"
 
 
-def test_asking_for_edits_changes_nothing(addon, learned):
+def test_checking_for_edits_changes_nothing(addon, learned):
     assert not addon.palettes.has_edits(learned)
     learned.driver_add("karf.objects[1].swatches[1].color", 0)
     assert addon.palettes.has_edits(learned)
-    keyed(learned, "lid", 2)
+    keyframe_swatch(learned, "lid", 2)
     addon.steps.apply_edit(learned, addon.engine_api.Edit({}, "delta"))
     other, action = learned.copy(), learned.animation_data.action
     assert addon.palettes.has_edits(learned) and addon.palettes.has_edits(other)
     assert other.animation_data.action == learned.animation_data.action == action
 
 
-def test_scenes_that_share_an_action_keep_their_keyframes_each(addon, learned):
-    keyed(learned, "lid", 2)
+def test_scenes_sharing_an_action_keep_their_keyframes(addon, learned):
+    keyframe_swatch(learned, "lid", 2)
     scenes = learned, learned.copy()
     assert scenes[0].animation_data.action == scenes[1].animation_data.action
     for scene in scenes:
@@ -138,7 +139,7 @@ def test_edits_stay_when_palettes_cannot_be_replaced(addon, blue, capsys):
     assert "Traceback" not in capsys.readouterr().out
 
 
-def test_choosing_another_project_keeps_the_edits_that_it_has_no_place_for(addon, blue, tmp_path):
+def test_choosing_another_project_saves_edits_it_cannot_show(addon, blue, tmp_path):
     addon.steps.set_swatch(blue, "lid", 1, BLUE)
     content = {"schema": "karf-palette/1", "objects": [{"name": "lid", "colors": [[0, 0, 0], *LID]}]}
     other = addon.engine_api.Project(tmp_path / "other")
@@ -151,7 +152,7 @@ def test_choosing_another_project_keeps_the_edits_that_it_has_no_place_for(addon
     assert json.loads(file.read_text())["objects"]["pot"]["colors"][1] == list(BLUE)
 
 
-def test_show_brings_new_palettes_and_the_tooltip_names_kept_edits(bpy, addon, learned):
+def test_showing_a_view_reloads_palettes_and_tooltip_mentions_kept_edits(bpy, addon, learned):
     load(addon, learned, lid=LID)
     addon.steps.show_view(learned).wait()
     assert learned.karf.objects.keys() == ["lid", "pot"]
@@ -159,8 +160,7 @@ def test_show_brings_new_palettes_and_the_tooltip_names_kept_edits(bpy, addon, l
     assert "given up" not in tooltip and "kept" in tooltip
 
 
-def test_importing_another_capture_keeps_the_edits(addon, blue, two_splits, tmp_path):
+def test_importing_another_capture_saves_the_edits(addon, blue, two_splits, tmp_path):
     project = addon.folders.project_of(blue)
     addon.steps.import_capture(blue, two_splits, tmp_path / "second")
-    assert not blue.karf.objects
-    assert len(list((project.folder / "edits").glob("kept-*.json"))) == 1
+    assert not blue.karf.objects and len(list((project.folder / "edits").glob("kept-*.json"))) == 1

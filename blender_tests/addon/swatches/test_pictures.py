@@ -1,4 +1,4 @@
-"""Swatches to pixels: exact values, views without planes, and more than one scene."""
+"""Recolored pictures: exact pixels, views without planes, and several scenes."""
 
 import numpy as np
 import pytest
@@ -10,12 +10,12 @@ BASE = (np.arange(HEIGHT * WIDTH * 3) % 256).reshape(HEIGHT, WIDTH, 3)  # the fa
 
 
 def assert_shows(addon, scene, change):
-    """The picture is the photo with a change of all pixels."""
+    """The picture is the photo with a change added to every pixel."""
     expected = np.clip(BASE / 255 + change, 0, 1) * 255
     assert np.abs(levels(addon, scene) - expected).max() <= 0.5 + 1e-2
 
 
-def test_the_whole_way_from_capture_to_swatches(addon, project_scene, tmp_path):
+def test_capture_is_learned_segmented_and_shown_exactly(addon, project_scene, tmp_path):
     assert addon.steps.learn_scene(project_scene, "demo", ["geometry.max_rays=64"]).wait()["psnr"] == 30
     addon.images.write_png(tmp_path / "given" / "pot" / "photo_0.png", np.ones((HEIGHT, WIDTH, 3)))
     assert addon.steps.segment(project_scene, tmp_path / "given").wait()["objects"] == ["pot"]
@@ -23,18 +23,17 @@ def test_the_whole_way_from_capture_to_swatches(addon, project_scene, tmp_path):
     assert [(palette.name, palette.colors.shape) for palette in palettes] == [("lid", (3, 3)), ("pot", (3, 3))]
     assert project_scene.karf.objects.keys() == ["lid", "pot"]
     assert [swatch.locked for swatch in project_scene.karf.objects["pot"].swatches] == [True, False, False]
-    np.testing.assert_array_equal(levels(addon, project_scene), BASE)  # byte for byte
+    np.testing.assert_array_equal(levels(addon, project_scene), BASE)
     assert (addon.images.pixels(project_scene.karf.result)[..., 3] == 1).all()
 
 
-@pytest.mark.parametrize(
-    ("color", "change"),
-    [
-        ((0.0, 0.6, 0.1), (-0.2, 0.1, 0.0)),  # of every pixel a quarter is the swatch's
-        ((1.6, 0.2, 0.1), (0.2, 0.0, 0.0)),  # brighter than white: the picture alone is clipped
-    ],
-)
-def test_a_swatch_adds_its_share_of_the_change_to_every_pixel(bpy, addon, learned, color, change):
+# a color of the pot's swatch, which has a weight of 1/4 in every pixel, and the change of the picture;
+# in a color brighter than white, only the picture is clipped
+CHANGES = [((0.0, 0.6, 0.1), (-0.2, 0.1, 0.0)), ((1.6, 0.2, 0.1), (0.2, 0.0, 0.0))]
+
+
+@pytest.mark.parametrize(("color", "change"), CHANGES)
+def test_swatch_change_is_added_by_weight_to_every_pixel(bpy, addon, learned, color, change):
     addon.steps.set_swatch(learned, "pot", 1, color)
     np.testing.assert_allclose(learned.karf.objects["pot"].swatches[1].color, color, atol=1e-6)
     assert_shows(addon, learned, change)
@@ -42,16 +41,16 @@ def test_a_swatch_adds_its_share_of_the_change_to_every_pixel(bpy, addon, learne
     np.testing.assert_array_equal(levels(addon, learned), BASE)
 
 
-def test_black_stays_whatever_is_set_and_paper_compositing_shows_the_palette_alone(addon, learned):
+def test_black_is_fixed_and_paper_compositing_shows_palettes_only(addon, learned):
     learned.karf.objects["pot"].swatches[0].color = (1, 1, 1)
     np.testing.assert_array_equal(levels(addon, learned), BASE)
     learned.karf.compositing = "paper"
-    # both objects are equally probable, the background impossible: the first (lid) wins everywhere with shares 1 2 1 / 4
+    # both objects are equally probable, so the first (lid) wins everywhere, with weights 1/4, 2/4, 1/4
     expected = 0.5 * np.array([0.2, 0.4, 0.6]) + 0.25
     assert np.abs(levels(addon, learned) / 255 - expected).max() <= 0.51 / 255
 
 
-def test_a_driven_swatch_recolors_when_its_driver_changes(bpy, addon, learned):
+def test_driven_swatch_recolors_with_its_driver(bpy, addon, learned):
     empty = bpy.data.objects.new("slider", None)
     learned.collection.objects.link(empty)
     curve = learned.driver_add('karf.objects["pot"].swatches[1].color', 0)
@@ -64,8 +63,7 @@ def test_a_driven_swatch_recolors_when_its_driver_changes(bpy, addon, learned):
         assert_shows(addon, learned, ((red - RED[0]) / 4, 0, 0))
 
 
-# --- views -----------------------------------------------------------------------------------------------------------
-def test_a_shown_view_needs_the_engine_only_once(addon, learned, monkeypatch):
+def test_showing_a_view_needs_the_engine_only_once(addon, learned, monkeypatch):
     addon.steps.show_view(learned, "photo_1").wait()
     monkeypatch.setenv("KARF_ENGINE_PYTHON", "/nowhere")
     addon.steps.show_view(learned, "photo_0").wait()
@@ -74,7 +72,7 @@ def test_a_shown_view_needs_the_engine_only_once(addon, learned, monkeypatch):
         addon.steps.show_view(learned, "photo_2").wait()
 
 
-def test_a_view_without_current_planes_shows_its_own_photo_and_none_where_that_is_gone(addon, learned):
+def test_view_without_current_planes_shows_its_photo_or_black(addon, learned):
     project = addon.folders.project_of(learned)
     addon.steps.prepare_views(learned, "photo_1").wait()
     assert addon.disk.is_current(project, "photo_1") and addon.disk.is_prepared(learned)
@@ -89,7 +87,7 @@ def test_a_view_without_current_planes_shows_its_own_photo_and_none_where_that_i
     assert not levels(addon, learned).any()
 
 
-def test_a_view_of_another_size_is_in_the_same_image(addon, learned):
+def test_views_of_other_sizes_reuse_the_same_image(addon, learned):
     image = learned.karf.result
     learned.karf.active_view = "photo_2"
     learned.karf.active_view = "photo_0"
@@ -103,7 +101,7 @@ def test_a_view_of_another_size_is_in_the_same_image(addon, learned):
 
 
 @pytest.mark.parametrize("mode", ["delta", "paper"])
-def test_planes_of_a_larger_palette_are_refused_in_a_sentence(addon, learned, mode):
+def test_planes_of_a_larger_palette_are_rejected(addon, learned, mode):
     planes = addon.engine_api.read_planes(addon.disk.planes_file(learned))
     larger = np.concatenate([planes.palette_weights, planes.palette_weights[:, :1]], axis=1)
     write_current_planes(addon, learned, type(planes)(planes.objects, larger, planes.probabilities, planes.base))
@@ -112,34 +110,23 @@ def test_planes_of_a_larger_palette_are_refused_in_a_sentence(addon, learned, mo
         addon.displayed.of(learned).edited()
 
 
-# --- scenes ----------------------------------------------------------------------------------------------------------
-@pytest.fixture
-def two_scenes(addon, learned):
-    """The scene, and a copy of it with a result image of its own that shows another view."""
+def test_each_scene_has_its_own_picture_and_cache(bpy, addon, learned, monkeypatch):
     addon.steps.prepare_views(learned, "photo_1").wait()
-    other = learned.copy()
-    other.karf.result = None
-    other.karf.active_view = "photo_1"
-    addon.displayed.of(other).recolor()
-    return learned, other
-
-
-def test_each_scene_has_its_own_picture_and_memory(bpy, addon, two_scenes, monkeypatch):
-    def read_planes(file):
-        raise AssertionError(f"{file} is read again")
-
-    monkeypatch.setattr(addon.displayed, "read_planes", read_planes)
-    for scene, other in (two_scenes, two_scenes[::-1]):
-        before = levels(addon, other)
-        scene.karf.objects["pot"].swatches[1].color = (0.0, 0.6, 0.1)
-        assert_shows(addon, scene, (-0.2, 0.1, 0.0))
-        np.testing.assert_array_equal(levels(addon, other), before)
-    monkeypatch.undo()
-    first, second = two_scenes
+    second = learned.copy()
+    second.karf.result = None
+    second.karf.active_view = "photo_1"
+    addon.displayed.of(second).recolor()
+    with monkeypatch.context() as patch:
+        patch.setattr(addon.displayed, "read_planes", lambda file: pytest.fail(f"{file} is read again"))
+        for scene, other in ((learned, second), (second, learned)):
+            before = levels(addon, other)
+            scene.karf.objects["pot"].swatches[1].color = (0.0, 0.6, 0.1)
+            assert_shows(addon, scene, (-0.2, 0.1, 0.0))
+            np.testing.assert_array_equal(levels(addon, other), before)
     kept, uid = addon.displayed.of(second).view, second.session_uid
-    addon.displayed.forget(first)
-    assert addon.displayed.of(first).view is None and addon.displayed.of(second).view is kept
+    addon.displayed.forget(learned)
+    assert addon.displayed.of(learned).view is None and addon.displayed.of(second).view is kept
     bpy.data.scenes.remove(second)
-    first.frame_set(first.frame_current)
+    learned.frame_set(learned.frame_current)
     known = addon.session.get(addon.displayed._State).scenes
-    assert uid not in known and first.session_uid in known
+    assert uid not in known and learned.session_uid in known

@@ -1,4 +1,4 @@
-"""What is shown of a view: its modes, the split view, masks over it, and the loupe."""
+"""Display modes of a view, the split view, mask overlays and the loupe."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from .scenes import levels
 
 @pytest.fixture
 def pictures(addon, learned):
-    """The photo, and the picture after an edit, which is left."""
+    """The photo, and the edited picture, which stays shown."""
     photo = levels(addon, learned)
     addon.steps.set_swatch(learned, "pot", 1, "#00ff00")
     edited = levels(addon, learned)
@@ -16,7 +16,7 @@ def pictures(addon, learned):
     return photo, edited
 
 
-def test_original_is_the_photo_and_what_is_written_is_the_edited_picture(addon, learned, seeing, pictures):
+def test_original_mode_shows_the_photo_but_saves_the_edit(addon, learned, seeing, pictures):
     photo, edited = pictures
     seeing.mode = "ORIGINAL"
     np.testing.assert_array_equal(levels(addon, learned), photo)
@@ -30,7 +30,7 @@ def test_original_is_the_photo_and_what_is_written_is_the_edited_picture(addon, 
     np.testing.assert_array_equal(levels(addon, learned), edited)
 
 
-def test_a_split_view_shows_the_photo_left_of_its_line(addon, learned, seeing, pictures):
+def test_split_view_shows_the_photo_left_of_its_line(addon, learned, seeing, pictures):
     photo, edited = pictures
     seeing.is_wiped, seeing.wipe = True, 0.25
     np.testing.assert_array_equal(levels(addon, learned), np.hstack([photo[:, :6], edited[:, 6:]]))
@@ -39,10 +39,14 @@ def test_a_split_view_shows_the_photo_left_of_its_line(addon, learned, seeing, p
     np.testing.assert_array_equal(levels(addon, learned)[:, :6], photo[:, :6])
 
 
-def test_the_eye_of_an_object_dims_all_else_and_follows_its_swatches(bpy, addon, learned, seeing, pictures):
-    assert bpy.ops.karf.solo_swatch(object_name="pot", index=0) == {"FINISHED"}
-    # the fake engine gives half of every pixel to each object
-    dimmed = (0.4 + 0.6 / 2) * pictures[1]
+def test_solo_dims_other_objects_or_shows_a_swatchs_weights(bpy, addon, learned, seeing, pictures):
+    for index, level in ((1, 64), (2, 32), (2, None)):  # weights of 1/4 and 1/8 in every pixel
+        assert bpy.ops.karf.solo_swatch(object_name="pot", index=index) == {"FINISHED"}
+        wanted = pictures[1] if level is None else np.full_like(pictures[1], level)
+        np.testing.assert_array_equal(levels(addon, learned), wanted)
+    assert seeing.mode == "EDITED"
+    bpy.ops.karf.solo_swatch(object_name="pot", index=0)
+    dimmed = (0.4 + 0.6 / 2) * pictures[1]  # the fake engine gives half of every pixel to each object
     assert np.abs(levels(addon, learned) - dimmed).max() <= 1
     addon.steps.set_swatch(learned, "pot", 1, "#0000ff")
     assert np.abs(levels(addon, learned) - dimmed).max() > 10
@@ -50,20 +54,9 @@ def test_the_eye_of_an_object_dims_all_else_and_follows_its_swatches(bpy, addon,
     assert seeing.mode == "EDITED"
 
 
-def test_the_eye_of_a_swatch_shows_its_weights_and_goes_out_again(bpy, addon, learned, seeing):
-    photo = levels(addon, learned)
-    for index, share in ((1, 64), (2, 32)):  # a quarter of every pixel, an eighth
-        assert bpy.ops.karf.solo_swatch(object_name="pot", index=index) == {"FINISHED"}
-        np.testing.assert_array_equal(levels(addon, learned), np.full_like(photo, share))
-    bpy.ops.karf.solo_swatch(object_name="pot", index=2)
-    assert seeing.mode == "EDITED"
-    np.testing.assert_array_equal(levels(addon, learned), photo)
-
-
-def test_a_larger_difference_is_brighter(addon, learned, seeing):
+def test_larger_differences_are_brighter(addon, learned, seeing):
     seeing.mode = "DIFFERENCE"
-    nothing = addon.views.heat(np.zeros(1))[0] * 255
-    assert np.abs(levels(addon, learned) - nothing).max() <= 0.5
+    assert np.abs(levels(addon, learned) - addon.views.heat(np.zeros(1))[0] * 255).max() <= 0.5
     addon.steps.set_swatch(learned, "pot", 1, (0.6, 0.2, 0.1))
     small = levels(addon, learned).sum()
     addon.steps.set_swatch(learned, "pot", 1, (0.0, 0.6, 0.1))
@@ -72,23 +65,19 @@ def test_a_larger_difference_is_brighter(addon, learned, seeing):
     second = first.copy()
     second[:, 450:] = 1
     difference = addon.views.difference(first, second)
-    assert difference.shape == (601, 900)
-    assert not difference[:, :450].any()
+    assert difference.shape == (601, 900) and not difference[:, :450].any()
     np.testing.assert_allclose(difference[:, 452:], 100, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("mode", "file", "known", "color", "stage"),
-    [
-        ("LEARNED", None, "is_rendered", (0, 0, 255), "geometry"),
-        # the fake engine is unsure of the lid on the left and of the pot on the right
-        ("UNSURE", "uncertainty_file", "is_doubted", (255, 140, 10), "segmentation"),
-    ],
-)
-def test_rendered_modes_show_the_photo_until_rendered(bpy, addon, learned, seeing, mode, file, known, color, stage):
+# the fake engine is unsure about the lid on the left and the pot on the right
+MODES = {"LEARNED": ("is_rendered", (0, 0, 255), "geometry"), "UNSURE": ("is_doubted", (255, 140, 10), "segmentation")}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_rendered_modes_show_the_photo_until_rendered(bpy, addon, learned, seeing, mode):
+    known, color, stage = MODES[mode]
     photo, project = levels(addon, learned), addon.folders.project_of(learned)
-    if file:
-        getattr(project, file).touch()
+    project.uncertainty_file.touch()
     seeing.mode = mode
     np.testing.assert_array_equal(levels(addon, learned), photo)
     assert not getattr(addon.disk.contents_of(learned), known)
@@ -111,7 +100,7 @@ def test_masks_of_a_prepared_view_come_from_its_planes(bpy, addon, learned, seei
     assert not seeing.show_masks
 
 
-def test_masks_are_made_after_segment_and_shown_over_the_photo(bpy, addon, project_scene, tmp_path, seeing):
+def test_masks_after_segmentation_overlay_the_photo(bpy, addon, project_scene, tmp_path, seeing):
     displayed = addon.displayed.of(project_scene)
     addon.steps.learn_scene(project_scene, "demo").wait()
     addon.images.write_png(tmp_path / "given" / "pot" / "photo_0.png", np.ones((16, 24, 3)))
@@ -119,8 +108,8 @@ def test_masks_are_made_after_segment_and_shown_over_the_photo(bpy, addon, proje
     assert not project_scene.karf.objects  # there is no palette yet
     assert bpy.ops.karf.show_masks() == {"FINISHED"}
     masks = displayed.known_masks()
-    np.testing.assert_allclose(masks.fill[:, :12, :3], np.tile(masks.tints["lid"], (16, 12, 1)), atol=1e-6)
-    np.testing.assert_allclose(masks.fill[:, 12:, :3], np.tile(masks.tints["pot"], (16, 12, 1)), atol=1e-6)
+    fill = np.repeat([[masks.tints["lid"], masks.tints["pot"]]], 16, 0).repeat(12, 1)
+    np.testing.assert_allclose(masks.fill[..., :3], fill, atol=1e-6)
     photo = addon.images.read_picture(addon.captures.view_of(project_scene).image)
     np.testing.assert_array_equal(levels(addon, project_scene), np.rint(photo * 255))
     project_scene.karf.active_view = "photo_2"
@@ -132,18 +121,13 @@ def test_masks_are_made_after_segment_and_shown_over_the_photo(bpy, addon, proje
     assert displayed.known_masks() is None
 
 
-def test_outlines_and_the_loupe(addon):
+def test_outline_and_loupe_show_exact_pixels(addon):
     mask = np.zeros((4, 2), bool)
     mask[0, 1] = True  # the upper right pixel
     lines = addon.object_masks.outline(mask)[:, :2].reshape(-1, 2, 2)
-    assert {tuple(map(tuple, line)) for line in lines.tolist()} == {
-        ((0.5, 1.0), (0.5, 0.75)),
-        ((1.0, 1.0), (1.0, 0.75)),
-        ((0.5, 1.0), (1.0, 1.0)),
-        ((0.5, 0.75), (1.0, 0.75)),
-    }
-    side = addon.overlays.LOUPE_SIDE
-    picture = np.zeros((40, 60, 3), np.uint8)
+    sides = {((x, 1.0), (x, 0.75)) for x in (0.5, 1.0)} | {((0.5, y), (1.0, y)) for y in (0.75, 1.0)}
+    assert {tuple(map(tuple, line)) for line in lines.tolist()} == sides
+    side, picture = addon.overlays.LOUPE_SIDE, np.zeros((40, 60, 3), np.uint8)
     picture[10, 20] = (255, 0, 0)
     seen = addon.overlays.pixels_at(picture, (20.5 / 60, 1 - 10.5 / 40))
     assert seen.shape == (side, side, 3)

@@ -1,4 +1,4 @@
-"""Queries: one worker for many, none that outlives the extension, and no error that is lost."""
+"""Queries share one worker, which ends with the extension, and report every error."""
 
 import errno
 import subprocess
@@ -13,13 +13,13 @@ from ..timers import run_to_end
 
 @pytest.fixture
 def query(addon, project_scene):
-    """A function that queries in background mode, where queries block, and returns the answer's values."""
+    """A function that sends a query, which blocks in background mode, and returns the answer."""
 
     def query(**options):
         answers = []
         addon.queries.send(project_scene, "echo", options, lambda *answer: answers.append(answer))
-        ((found, values),) = answers
-        assert found == project_scene
+        ((scene, values),) = answers
+        assert scene == project_scene
         return values
 
     return query
@@ -31,14 +31,14 @@ def jobs(addon, project_scene):
     return lambda: sorted((addon.folders.project_of(project_scene).folder / "jobs").glob("*-warm"))
 
 
-def test_one_process_answers_one_query_after_the_other_and_knows_the_project(addon, project_scene, query):
+def test_one_process_answers_all_queries_of_a_project(addon, project_scene, query):
     first, second = query(side=96), query(side=192)
     assert (first["options"]["side"], second["options"]["side"]) == (96, 192)
     assert first["options"]["project"] == str(addon.folders.project_of(project_scene).folder)
     assert first["pid"] == second["pid"]
 
 
-def test_leftovers_of_a_crashed_blender_are_removed(addon, project_scene, query, jobs):
+def test_files_left_by_a_crashed_blender_are_removed(addon, project_scene, query, jobs):
     code = "import sys; from karf_engine.project import Project, jobs; jobs.new_job(Project(sys.argv[1]), 'warm')"
     command = [sys.executable, "-c", code, str(addon.folders.project_of(project_scene).folder)]
     subprocess.run(command, cwd=ROOT, check=True)
@@ -50,42 +50,36 @@ def test_leftovers_of_a_crashed_blender_are_removed(addon, project_scene, query,
 
 
 @pytest.mark.parametrize(
-    ("behave", "error", "sentence", "stays", "n_workers", "n_folders"),
+    ("behave", "error", "sentence", "stays", "n_workers", "n_logs"),
     [
         ("refuse", "DataError", r"photo_7.png is missing\. Find it\.", True, 1, 1),
         ("crash", "KarfError", "The engine crashed in the warm job", False, 1, 1),  # its log is kept
         ("idle", "KarfError", "exited before it answered", False, 2, 0),
     ],
 )
-def test_error_is_raised_and_a_dead_worker_is_replaced(
-    addon, query, jobs, monkeypatch, behave, error, sentence, stays, n_workers, n_folders
-):
+def test_dead_worker_is_replaced(addon, query, jobs, monkeypatch, behave, error, sentence, stays, n_workers, n_logs):
     started, begin_job = [], addon.queries.begin_job
-    monkeypatch.setattr(addon.queries, "begin_job", lambda *given: (started.append(given), begin_job(*given)))
+    monkeypatch.setattr(addon.queries, "begin_job", lambda *args: (started.append(args), begin_job(*args)))
     pid = query()["pid"]
     with pytest.raises(getattr(addon.engine_api, error), match=sentence):
         query(behave=behave)
     assert len(started) == n_workers
-    assert [(folder / addon.engine_api.LOG_FILE).exists() for folder in jobs()] == [True] * n_folders
+    assert [(folder / addon.engine_api.LOG_FILE).exists() for folder in jobs()] == [True] * n_logs
     assert (query()["pid"] == pid) == stays
 
 
-def test_a_scene_without_a_project_is_refused(addon, scene):
+def test_scene_without_a_project_is_rejected(addon, scene):
     with pytest.raises(addon.engine_api.BadRequest, match="has no KaRF project"):
         addon.queries.send(scene, "echo", {}, lambda *answer: None)
 
 
-def test_other_threads_in_the_preferences_start_another_worker(chosen, query, jobs):
+def test_changed_thread_count_starts_another_worker(preferences, query, jobs):
     pid = query()["pid"]
-    chosen.threads = 3
-    try:
-        assert query()["pid"] != pid
-        assert len(jobs()) == 1
-    finally:
-        chosen.threads = 0
+    preferences.threads = 3
+    assert query()["pid"] != pid and len(jobs()) == 1
 
 
-def test_disabling_the_extension_ends_the_worker_and_removes_its_folder(addon, query, jobs):
+def test_disabling_the_extension_ends_and_removes_the_worker(addon, query, jobs):
     query()
     worker = addon.session.get(addon.queries.QueryWorker).worker
     assert jobs() == [worker.folder]
@@ -94,53 +88,50 @@ def test_disabling_the_extension_ends_the_worker_and_removes_its_folder(addon, q
     assert worker.ended and worker._process.poll() is not None and jobs() == []
 
 
-# --- beside the interface ------------------------------------------------------------------------------------------
 @pytest.fixture
 def timers(bpy, addon, monkeypatch):
-    """The timers that were started. As with an interface queries return at once; the tests are the timer."""
+    """The started timers. Queries return at once, as in a window, and the tests poll in the timers' place."""
     started = []
-    timers = SimpleNamespace(
-        is_registered=lambda tick: tick in started, register=lambda tick, **how: started.append(tick)
-    )
-    with_interface = SimpleNamespace(app=SimpleNamespace(background=False, timers=timers), types=bpy.types)
+    timers = SimpleNamespace(is_registered=started.__contains__, register=lambda tick, **_: started.append(tick))
+    in_window = SimpleNamespace(app=SimpleNamespace(background=False, timers=timers), types=bpy.types)
     for module in (addon.queries, addon.session):
-        monkeypatch.setattr(module, "bpy", with_interface)
+        monkeypatch.setattr(module, "bpy", in_window)
     return started
 
 
 @pytest.fixture
 def send(addon, project_scene, timers):
-    """A function that sends a query; gives what was answered, and the errors."""
-    heard = SimpleNamespace(answers=[], errors=[])
+    """A function that sends a query and returns the answers and errors so far."""
+    results = SimpleNamespace(answers=[], errors=[])
 
-    def send(on_answer=lambda scene, values: heard.answers.append(values), **options):
-        addon.queries.send(project_scene, "echo", options, on_answer, heard.errors.append)
-        return heard
+    def send(on_answer=lambda scene, values: results.answers.append(values), **options):
+        addon.queries.send(project_scene, "echo", options, on_answer, results.errors.append)
+        return results
 
     return send
 
 
-def test_a_query_returns_at_once_and_a_timer_brings_the_answer(addon, send, timers):
-    heard = send()
-    assert heard.answers == [] and addon.queries.is_waiting("echo") and timers == [addon.queries._poll]
+def test_query_returns_at_once_and_is_answered_by_timer(addon, send, timers):
+    results = send()
+    assert results.answers == [] and addon.queries.is_waiting("echo") and timers == [addon.queries._poll]
     run_to_end(addon.queries._poll)
-    assert len(heard.answers) == 1 and not addon.queries.is_waiting("echo")
+    assert len(results.answers) == 1 and not addon.queries.is_waiting("echo")
 
 
-def test_waiting_queries_are_replaced_by_later_ones_of_their_kind(addon, send):
+def test_later_query_replaces_a_waiting_one_of_its_kind(addon, send):
     for number in range(50):
-        heard = send(n=number)
+        results = send(n=number)
     run_to_end(addon.queries._poll)
-    assert [values["options"]["n"] for values in heard.answers] == [49] and heard.errors == []
+    assert [values["options"]["n"] for values in results.answers] == [49] and results.errors == []
 
 
 @pytest.mark.parametrize("lost", ["dropped by the engine", "of another project"])
-def test_dropped_query_calls_nobody(addon, project_scene, send, tmp_path, lost):
-    heard = send(behave="drop" if lost == "dropped by the engine" else "")
+def test_dropped_query_calls_no_callback(addon, project_scene, send, tmp_path, lost):
+    results = send(behave="drop" if lost == "dropped by the engine" else "")
     if lost == "of another project":
         project_scene.karf.project = str(tmp_path / "elsewhere")
     run_to_end(addon.queries._poll)
-    assert heard.answers == heard.errors == []
+    assert results.answers == results.errors == []
 
 
 def test_unhandled_error_is_shown_in_the_panel(bpy, addon, project_scene, timers):
@@ -150,17 +141,16 @@ def test_unhandled_error_is_shown_in_the_panel(bpy, addon, project_scene, timers
     assert (progress.error, progress.hint) == ("photo_7.png is missing.", "Find it.")
 
 
-@pytest.mark.parametrize("kind", ["damage", "disk"])
-def test_error_in_a_callback_is_reported_and_later_answers_arrive(addon, send, kind):
-    def refuse(scene, values):
-        if kind == "damage":
-            raise addon.engine_api.DataError("The planes are damaged.", "Try again.")
-        raise OSError(errno.ENOSPC, "No space left on device", "mask.png")
+@pytest.mark.parametrize("sentence", ["The planes are damaged.", "mask.png: No space left on device."])
+def test_callback_error_is_reported_and_later_answers_arrive(addon, send, sentence):
+    def fail(scene, values):
+        if sentence.startswith("mask.png"):
+            raise OSError(errno.ENOSPC, "No space left on device", "mask.png")
+        raise addon.engine_api.DataError(sentence, "Try again.")
 
-    heard = send(refuse)
+    results = send(fail)
     run_to_end(addon.queries._poll)
-    sentence = {"damage": "The planes are damaged.", "disk": "mask.png: No space left on device."}[kind]
-    assert [error.sentence for error in heard.errors] == [sentence]
+    assert [error.sentence for error in results.errors] == [sentence]
     send()
     run_to_end(addon.queries._poll)
-    assert len(heard.answers) == 1
+    assert len(results.answers) == 1

@@ -1,18 +1,18 @@
-"""Estimates of a preset's duration, corrected by finished jobs."""
+"""Estimated durations of presets, corrected by finished jobs."""
 
 import pytest
 
 
 @pytest.fixture
-def known(addon, monkeypatch, tmp_path):
-    """A computer that learns from a million samples a second."""
+def speed(addon, monkeypatch, tmp_path):
+    """The speed of a computer that learns from a million samples per second."""
     speed = addon.estimates.Speed("python", 2, 1e6)
     monkeypatch.setattr(addon.session.get(addon.estimates.ThisComputer), "speed", speed)
     monkeypatch.setattr(addon.estimates, "_file", lambda: tmp_path / "speed.json")
     return speed
 
 
-def test_larger_presets_take_longer_and_all_steps_longer_than_one(addon, known, monkeypatch):
+def test_larger_presets_and_more_steps_take_longer(addon, speed, monkeypatch):
     def seconds(preset, button="learn_scene"):
         return addon.estimates.seconds(preset, button, False)
 
@@ -23,17 +23,17 @@ def test_larger_presets_take_longer_and_all_steps_longer_than_one(addon, known, 
     assert seconds("demo") is None
 
 
-def test_a_job_that_was_done_corrects_all_presets_and_is_kept(addon, known, tmp_path):
-    once = known.learned_from("geometry", 50.0, 100.0)
-    assert once.corrected({"geometry": 10.0, "segmentation": 5.0}) == {"geometry": 20.0, "segmentation": 5.0}
-    assert once.learned_from("geometry", 50.0, 50.0).factors == {"geometry": 1.5}
-    assert known.learned_from("geometry", 50.0, 3.0) is known  # it only went on
-    once.write(tmp_path / "speed.json")
-    assert addon.estimates.read_speed(tmp_path / "speed.json", "python", 2) == once
+def test_finished_job_corrects_all_presets_and_is_saved(addon, speed, tmp_path):
+    updated = speed.learned_from("geometry", 50.0, 100.0)
+    assert updated.corrected({"geometry": 10.0, "segmentation": 5.0}) == {"geometry": 20.0, "segmentation": 5.0}
+    assert updated.learned_from("geometry", 50.0, 50.0).factors == {"geometry": 1.5}
+    assert speed.learned_from("geometry", 50.0, 3.0) is speed  # a resumed job
+    updated.write(tmp_path / "speed.json")
+    assert addon.estimates.read_speed(tmp_path / "speed.json", "python", 2) == updated
     assert addon.estimates.read_speed(tmp_path / "speed.json", "python", 1).samples_per_second == 0
 
 
-def test_the_end_of_a_job_is_taken_as_a_measure(addon, known, learned, monkeypatch):
+def test_duration_of_a_job_is_measured(addon, speed, learned, monkeypatch):
     request = addon.engine_api.Request("geometry", addon.folders.project_of(learned).folder, {})
     state = {"stages": {"geometry": {"space": "box"}}, "settings": {"preset": "demo"}}
     monkeypatch.setattr(addon.engine_api.Project, "state", lambda self: state)
@@ -41,6 +41,6 @@ def test_the_end_of_a_job_is_taken_as_a_measure(addon, known, learned, monkeypat
     assert addon.estimates.seconds("demo", "learn_scene", False) == pytest.approx(104)
 
 
-@pytest.mark.parametrize("seconds, said", [(50, "a minute"), (430, "7 minutes"), (8000, "2 hours")])
-def test_durations_are_rounded_for_people(addon, seconds, said):
-    assert addon.learning.duration(seconds) == f"About {said} on this computer"
+@pytest.mark.parametrize("seconds, text", [(50, "a minute"), (430, "7 minutes"), (8000, "2 hours")])
+def test_durations_are_rounded_for_people(addon, seconds, text):
+    assert addon.learning.duration(seconds) == f"About {text} on this computer"

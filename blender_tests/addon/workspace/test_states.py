@@ -1,4 +1,4 @@
-"""Each step says how it stands; steps that are done fold and the next opens, and what the user opened stays."""
+"""Each step shows its state; finished steps fold, the next one opens, and panels opened by hand stay open."""
 
 import os
 
@@ -32,7 +32,7 @@ def test_step_is_done_when_its_result_exists(addon, learned):
 
 
 @pytest.mark.parametrize("mark", ["../masks/pot/photo_0.png", "corrections/pot/photo_0.png", "volumes.json"])
-def test_newer_mark_makes_segments_stale(addon, learned, project, mark):
+def test_newer_mark_makes_segmentation_stale(addon, learned, project, mark):
     file = project.folder / mark
     file.parent.mkdir(parents=True, exist_ok=True)
     file.touch()
@@ -51,7 +51,7 @@ def test_rerun_stage_makes_later_ones_stale(addon, learned, project):
         assert state.kind == "stale" and reason in state.reason
 
 
-def test_another_preset_than_learned_with_is_shown(addon, learned, monkeypatch):
+def test_preset_other_than_the_learned_one_is_shown(addon, learned, monkeypatch):
     monkeypatch.setattr(addon.disk, "_learned_with", lambda state: ("fine", ""))
     assert "another preset" in addon.states.state_of(learned, "learn").reason
     learned.karf.preset = "fine"
@@ -75,16 +75,16 @@ def test_step_of_the_running_job_is_shown(addon, learned, monkeypatch):
         (
             LEARNED,
             LEARNED | {"mark": "done", "segment": "done"},
-            {"import": False, "learn": False, "mark": False, "segment": False, "palette": True},
+            dict.fromkeys(list(NEW)[:4], False) | {"palette": True},
         ),
         (DONE, DONE | {"segment": "stale"}, {"segment": True}),
     ],
 )
-def test_done_steps_fold_and_the_next_or_stale_one_opens(addon, before, after, changes):
+def test_finished_steps_fold_and_the_next_opens(addon, before, after, changes):
     assert addon.states.opened(before, after) == changes
 
 
-def test_panels_opened_by_hand_stay_open_until_a_step_is_done(bpy, addon, project_scene):
+def test_panels_opened_by_hand_stay_until_a_step_ends(bpy, addon, project_scene):
     folding = bpy.context.window_manager.karf_folding
     addon.states.update()
     assert folding.show_learn and not folding.show_import

@@ -1,4 +1,4 @@
-"""The workspace and its editors: what comes with it, which picture they show without a click, and the status bar."""
+"""The workspace, the picture that its editors show by themselves, and the status bar."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 
 @pytest.fixture
 def editor(bpy, scene):
-    """A function that returns the window's Image Editor; an opened file has another one."""
+    """A function that returns the Image Editor of the file that is open."""
 
     def areas():
         return bpy.data.window_managers[0].windows[0].screen.areas
@@ -20,7 +20,7 @@ def window(bpy):
     return bpy.data.window_managers[0].windows[0]
 
 
-def test_the_button_adds_the_workspace_once_and_nothing_else(bpy, addon, scene):
+def test_button_adds_only_one_workspace(bpy, addon, scene):
     kinds = ("scenes", "objects", "images", "brushes", "node_groups")
     before = {kind: len(getattr(bpy.data, kind)) for kind in kinds}
     for _ in range(2):
@@ -28,13 +28,12 @@ def test_the_button_adds_the_workspace_once_and_nothing_else(bpy, addon, scene):
     (workspace,) = [each for each in bpy.data.workspaces if each.name.startswith("KaRF")]
     (screen,) = workspace.screens
     assert sorted(area.type for area in screen.areas) == ["DOPESHEET_EDITOR", "IMAGE_EDITOR", "VIEW_3D"]
-    sided = [area.spaces.active.show_region_ui for area in screen.areas if area.type != "DOPESHEET_EDITOR"]
-    assert sided == [True, True]
+    assert all(area.spaces.active.show_region_ui for area in screen.areas if area.type != "DOPESHEET_EDITOR")
     assert {kind: len(getattr(bpy.data, kind)) for kind in kinds} == before
     assert addon.opening.FILE.stat().st_size < 100_000
 
 
-def test_a_capture_is_ready_to_mark_until_it_is_learned(addon, project_scene, window, editor):
+def test_unlearned_capture_is_ready_to_mark(addon, project_scene, window, editor):
     marking = project_scene.karf.marking
     for _ in range(2):
         addon.masks.begin_marking(window)
@@ -42,14 +41,14 @@ def test_a_capture_is_ready_to_mark_until_it_is_learned(addon, project_scene, wi
         assert editor().image == marking.photo is not None
 
 
-def test_learned_scene_is_left_as_shown(addon, project_scene, window, editor):
+def test_learned_scene_is_left_unchanged(addon, project_scene, window, editor):
     addon.steps.learn_scene(project_scene).wait()
     addon.masks.begin_marking(window)
     assert project_scene.karf.marking.photo is None and not project_scene.karf.marking.objects
 
 
 def test_workspace_shows_the_picture_of_a_learned_scene(addon, learned, window, editor):
-    learned.karf.result = None  # imported with a project that was learned before
+    learned.karf.result = None  # as after importing a learned project
     addon.masks.begin_marking(window)
     assert editor().image == learned.karf.result is not None
 
@@ -62,15 +61,13 @@ def test_workspace_opens_without_photos(addon, project_scene, capture_folder, wi
     assert "KaRF: " in capsys.readouterr().out
 
 
-# --- the picture that is shown -------------------------------------------------------------------------------------
-def test_opened_file_shows_its_picture(bpy, learned, editor, tmp_path):
+def test_opened_file_shows_its_picture(learned, editor, reopen):
     editor().image = None
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "pots.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "pots.blend"))
-    assert editor().image == bpy.context.scene.karf.result is not None
+    scene = reopen()
+    assert editor().image == scene.karf.result is not None
 
 
-def test_lost_preview_is_replaced_and_the_artists_picture_stays(bpy, addon, learned, editor):
+def test_lost_preview_is_replaced_and_other_pictures_stay(bpy, addon, learned, editor):
     gone = bpy.data.images.new("KaRF preview", 1, 1)
     gone.source, gone.filepath = "FILE", "/nowhere/preview.png"
     editor().image = gone
@@ -82,7 +79,7 @@ def test_lost_preview_is_replaced_and_the_artists_picture_stays(bpy, addon, lear
     assert editor().image == own
 
 
-def test_another_scene_shows_its_own_picture_and_not_the_first_ones(bpy, addon, learned, window, editor):
+def test_each_scene_shows_its_own_picture(bpy, addon, learned, window, editor):
     def shown_in(scene):
         window.scene = scene
         addon.following.show_own()
@@ -96,12 +93,11 @@ def test_another_scene_shows_its_own_picture_and_not_the_first_ones(bpy, addon, 
     assert shown_in(learned) == learned.karf.result
 
 
-# --- undo across a job: what was learned stays learned -------------------------------------------------------------
 def learned_colors(scene):
     return {item.name: [tuple(swatch.learned) for swatch in item.swatches] for item in scene.karf.objects}
 
 
-def test_undo_across_the_first_palettes_keeps_swatches_and_picture(bpy, addon, project_scene, editor):
+def test_undo_keeps_first_palettes_and_picture(bpy, addon, project_scene, editor):
     addon.steps.learn_scene(project_scene).wait()
     bpy.ops.ed.undo_push(message="begin")
     addon.steps.extract_palette(bpy.context.scene).wait()
@@ -112,7 +108,7 @@ def test_undo_across_the_first_palettes_keeps_swatches_and_picture(bpy, addon, p
     assert editor().image == bpy.context.scene.karf.result is not None
 
 
-def test_undo_across_extracting_anew_keeps_the_swatches_that_were_found(bpy, addon, learned):
+def test_undo_keeps_newly_extracted_swatches(bpy, addon, learned):
     api, project = addon.engine_api, addon.folders.project_of(learned)
     bpy.ops.ed.undo_push(message="begin")
     content = api.read_json(project.palette_file, "palettes")
@@ -128,24 +124,23 @@ def test_undo_across_extracting_anew_keeps_the_swatches_that_were_found(bpy, add
     np.testing.assert_allclose(found["pot"][1], (0.1, 0.9, 0.3), atol=1e-6)
 
 
-# --- the running job in the status bar -----------------------------------------------------------------------------
 def n_draws(bpy, addon):
     return bpy.types.STATUSBAR_HT_header.draw._draw_funcs.count(addon.statusbar.draw)
 
 
-def test_status_bar_draws_the_job_after_an_installation(bpy, addon):
+def test_status_bar_shows_jobs_after_an_installation(bpy, addon):
     workspace, header = bpy.data.workspaces[0], bpy.types.STATUSBAR_HT_header
     addon.extension.unregister()
-    header.draw = header.draw._draw_funcs[0]  # nothing was ever added in this session
+    header.draw = header.draw._draw_funcs[0]  # as in a session where nothing was added
     if hasattr(header, "_draw_orig"):
         del header._draw_orig
-    workspace.status_text_set("Installing")  # as the operator does that then enables the extension
+    workspace.status_text_set("Installing")  # as the operator that enables the extension
     addon.extension.register()
     workspace.status_text_set(None)
     assert n_draws(bpy, addon) == 1
 
 
-def test_status_bar_draws_the_job_after_a_tools_status(bpy, addon):
+def test_status_bar_shows_jobs_after_a_tools_text(bpy, addon):
     workspace = bpy.data.workspaces[0]
     workspace.status_text_set(lambda header, context: None)
     addon.extension.unregister()

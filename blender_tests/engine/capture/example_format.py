@@ -1,4 +1,4 @@
-"""A capture format in one file: `cameras.csv`, a row a photo, beside the photos.
+"""A capture format in one file: `cameras.csv`, with one row per photo, beside the photos.
 
 Its columns: photo (a path from the file's folder), width and height (pixels), focal (pixels), and camera_to_world
 (the 16 numbers of the matrix row by row, with spaces between; x right, y up, the camera looks down -z).
@@ -35,7 +35,7 @@ def read_csv(path: Path, photos: bool) -> Capture:
 
 
 def _camera(row: dict[str, str], image: Path | None, label: str) -> tuple[Camera, list[str]]:
-    """The camera of a row at its photo's size, and notes on what had to be changed."""
+    """The camera of a row at its photo's size, and notes on what was changed."""
     try:
         width, height, focal = int(row["width"]), int(row["height"]), float(row["focal"])
         matrix = np.array(row["camera_to_world"].split(), np.float64).reshape(4, 4)

@@ -1,4 +1,4 @@
-"""Work in a child process: its messages arrive in order, and its failure or death is told of."""
+"""Work in a child process: messages, failures, and cleaning up after killed processes."""
 
 import os
 import subprocess
@@ -16,7 +16,7 @@ from karf_engine.errors import KarfError
 def count(send, task):
     for number in range(task):
         send("number", number)
-    return "all told"
+    return "finished"
 
 
 def fail(send, task):
@@ -27,26 +27,26 @@ def die(send, task):
     os._exit(task)
 
 
-def note_and_sleep(send, task):
+def write_pid_and_sleep(send, task):
     Path(task).write_text(str(os.getpid()))
     time.sleep(600)
 
 
-def test_messages_arrive_in_order_and_the_result_is_last():
+def test_messages_arrive_in_order_and_the_result_last():
     with child_messages("counting", count, 3) as messages:
-        told = [message for message in messages if message[0]]
-    assert told == [("number", 0), ("number", 1), ("number", 2), ("result", "all told")]
+        received = [message for message in messages if message[0]]
+    assert received == [("number", 0), ("number", 1), ("number", 2), ("result", "finished")]
 
 
 @pytest.mark.parametrize(("work", "task", "words"), [(fail, "no film", "no film"), (die, 7, "exit code 7")])
-def test_a_child_that_fails_or_dies_is_told_of(work, task, words):
+def test_failing_or_dying_child_raises_an_error(work, task, words):
     with pytest.raises(KarfError, match=words), child_messages("the camera", work, task) as messages:
         list(messages)
 
 
 def test_leaving_early_ends_the_child(tmp_path):
     start = time.monotonic()
-    with child_messages("sleeping", note_and_sleep, str(tmp_path / "pid")) as messages:
+    with child_messages("sleeping", write_pid_and_sleep, str(tmp_path / "pid")) as messages:
         assert next(messages)[0] == ""
     assert time.monotonic() - start < 60
 
@@ -54,12 +54,12 @@ def test_leaving_early_ends_the_child(tmp_path):
 HEAD = """
 import os, sys
 from pathlib import Path
-from blender_tests.engine.capture.test_child_process import count, note_and_sleep
+from blender_tests.engine.capture.test_child_process import count, write_pid_and_sleep
 from karf_engine.capture.child_process import child_messages, work_folder
 """
 SLEEPING = """
 if __name__ == "__main__":
-    with child_messages("sleeping", note_and_sleep, sys.argv[1]) as messages:
+    with child_messages("sleeping", write_pid_and_sleep, sys.argv[1]) as messages:
         list(messages)
 """
 LEAVING = """
@@ -80,11 +80,11 @@ def start(folder, script, *arguments):
     return subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, text=True)
 
 
-def test_a_child_ends_when_its_parent_is_killed(tmp_path):
-    note = tmp_path / "pid"
-    parent = start(tmp_path, SLEEPING, note)
-    wait_for(lambda: note.exists() and note.read_text())
-    child = int(note.read_text())
+def test_child_ends_when_its_parent_is_killed(tmp_path):
+    pid = tmp_path / "pid"
+    parent = start(tmp_path, SLEEPING, pid)
+    wait_for(lambda: pid.exists() and pid.read_text())
+    child = int(pid.read_text())
     assert is_alive(child)
     parent.kill()
     parent.wait()
@@ -92,7 +92,7 @@ def test_a_child_ends_when_its_parent_is_killed(tmp_path):
 
 
 def is_alive(pid):
-    """Whether the process runs; one that has ended and that nobody waited for is none."""
+    """Whether the process runs; a zombie does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
@@ -106,21 +106,21 @@ def wait_for(condition):
         time.sleep(0.05)
 
 
-def test_what_a_killed_process_has_left_is_removed_by_the_next(tmp_path):
+def test_next_process_removes_the_work_folder_of_a_killed_one(tmp_path):
     folder = tmp_path / "work"
     folder.mkdir()
     start(tmp_path, LEAVING, folder).wait(60)
     (left,) = folder.glob("work-*")
-    (folder / "work-of_somebody_else").mkdir()
+    (folder / "work-of_another_program").mkdir()
     os.utime(left / LOCK, (0, 0))
     with work_folder(folder, "work-") as mine:
         assert not left.exists() and mine.is_dir()
         os.utime(mine / LOCK, (0, 0))
-        with work_folder(folder, "work-") as second:  # at work at the same time
+        with work_folder(folder, "work-") as second:  # both work at the same time
             assert mine.is_dir() and second.is_dir()
-    assert [path.name for path in folder.iterdir()] == ["work-of_somebody_else"]
+    assert [path.name for path in folder.iterdir()] == ["work-of_another_program"]
 
 
-def test_a_script_that_learns_is_not_run_again_in_the_child(tmp_path):
+def test_script_is_not_run_again_in_the_child(tmp_path):
     printed, _ = start(tmp_path, LEARNING).communicate(timeout=60)
-    assert printed.splitlines() == ["run", "('result', 'all told')"]
+    assert printed.splitlines() == ["run", "('result', 'finished')"]

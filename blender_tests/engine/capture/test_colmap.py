@@ -1,4 +1,4 @@
-"""COLMAP's sparse models: the same as pycolmap reads, wherever models and photos lie."""
+"""Reading COLMAP's sparse models: compared with pycolmap, and found in every common folder layout."""
 
 import shutil
 
@@ -20,7 +20,7 @@ from karf_engine.errors import DataError
 
 NAMES = [f"{number:03d}.png" for number in range(9)]
 CAMERAS = random_rig(11)
-MODELS = {  # distortion that folds nothing over in the picture
+MODELS = {  # distortion that does not fold within the picture
     "SIMPLE_PINHOLE": [],
     "PINHOLE": [],
     "SIMPLE_RADIAL": [0.05],
@@ -33,12 +33,10 @@ MODELS = {  # distortion that folds nothing over in the picture
     "RADIAL_FISHEYE": [0.03, -0.01],
     "OPENCV_FISHEYE": [0.03, -0.01, 0.004, -0.001],
 }
-REFUSED = sorted(set(COLMAP_IDS) - set(MODELS))
 
 
-# -------------------------------------------------------------------------------------------------------------- referee
 def assert_agrees(capture, model):
-    """Every camera, pose and point of the capture is that of pycolmap's Reconstruction."""
+    """Assert that every camera, pose and point equals that of pycolmap's Reconstruction."""
     by_name = {model.images[number].name: model.images[number] for number in model.reg_image_ids()}
     folder = capture.views[0].image.parent
     assert len(capture.views) == len(by_name)
@@ -64,11 +62,11 @@ def assert_agrees(capture, model):
 
 @pytest.mark.parametrize("suffix", [".bin", ".txt"])
 @pytest.mark.parametrize("model", MODELS)
-def test_models_that_colmap_writes_are_read_as_colmap_reads_them(tmp_path, model, suffix):
+def test_models_are_read_as_pycolmap_reads_them(tmp_path, model, suffix):
     pycolmap = pytest.importorskip("pycolmap")
     pycolmap.set_random_seed(1)
     options = pycolmap.SyntheticDatasetOptions()
-    options.num_cameras_per_rig = 2  # poses relative to a rig, which images alone must make up for
+    options.num_cameras_per_rig = 2  # so that poses are relative to a rig
     options.camera_model_id = getattr(pycolmap.CameraModelId, model)
     focal = [700.0] if PARAMETERS[model].startswith("f ") else [700.0, 720.0]
     options.camera_params = [*focal, 512.0, 384.0, *MODELS[model]]
@@ -77,17 +75,16 @@ def test_models_that_colmap_writes_are_read_as_colmap_reads_them(tmp_path, model
     sparse.mkdir(parents=True)
     (written.write_binary if suffix == ".bin" else written.write_text)(sparse)
     put_photos(tmp_path / "images", [image.name for image in written.images.values()], (1024, 768))
-    assert (sparse / f"frames{suffix}").exists()  # and does no harm
+    assert (sparse / f"frames{suffix}").exists()  # is ignored
     capture = open_capture(tmp_path)
     assert capture.warnings == ()
     assert capture.views[0].camera.fisheye == ("FISHEYE" in model)
     assert_agrees(capture, pycolmap.Reconstruction(sparse))
 
 
-# ------------------------------------------------------------------------------------------------------------ the model
 @pytest.mark.parametrize("place", [".", "sparse", "sparse/0", "colmap/sparse/0", "dense/sparse"])
 @pytest.mark.parametrize("suffix", [".bin", ".txt"])
-def test_models_are_found_where_tools_put_them(tmp_path, place, suffix):
+def test_models_are_found_in_common_folders(tmp_path, place, suffix):
     put_photos(tmp_path / "images", NAMES, CAMERAS)
     ColmapModel(CAMERAS, NAMES).write(tmp_path / place, suffix)
     for chosen in (tmp_path, tmp_path / place, tmp_path / place / f"cameras{suffix}"):
@@ -97,7 +94,7 @@ def test_models_are_found_where_tools_put_them(tmp_path, place, suffix):
         assert len(capture.points) == 6
 
 
-def test_the_model_with_the_most_photos_is_read(tmp_path):
+def test_model_with_the_most_photos_is_read(tmp_path):
     write_colmap(tmp_path, CAMERAS[:3], NAMES[:3])
     put_photos(tmp_path / "images", NAMES, CAMERAS)
     ColmapModel(CAMERAS, NAMES).write(tmp_path / "sparse" / "1")
@@ -105,27 +102,26 @@ def test_the_model_with_the_most_photos_is_read(tmp_path):
     put(tmp_path / "sparse" / "2" / "images.bin", b"\xff" * 80)  # claims more images than fit
     capture = open_capture(tmp_path)
     assert len(capture.views) == 9
-    assert capture.warnings == (
-        f"3 sparse models were found; {tmp_path / 'sparse' / '1'} has the most photos, 9, and was read.",
-    )
+    best = tmp_path / "sparse" / "1"
+    assert capture.warnings == (f"3 sparse models were found; {best} has the most photos, 9, and was read.",)
 
 
-def test_a_model_without_points_is_read_with_a_remark(tmp_path):
+def test_model_without_points_is_read_with_a_warning(tmp_path):
     write_colmap(tmp_path, CAMERAS, NAMES)
     (tmp_path / "sparse" / "0" / "points3D.bin").unlink()
     capture = open_capture(tmp_path)
     assert capture.points is None and "points3D.bin" in capture.warnings[0]
 
 
-def test_every_photo_has_its_own_lens(tmp_path):
+def test_every_photo_can_have_its_own_lens(tmp_path):
     cameras = [random_rig(seed, 1)[0] for seed in range(9)]
     write_colmap(tmp_path, cameras, NAMES, one_lens=False)
     for view, camera in zip(open_capture(tmp_path).views, cameras, strict=True):
         assert_allclose([view.camera.fx, view.camera.cy, view.camera.width], [camera.fx, camera.cy, camera.width])
 
 
-def test_features_without_a_line_of_their_own_are_none(tmp_path):
-    """An editor may strip the blank line that stands for the last image's features."""
+def test_missing_last_feature_line_means_no_features(tmp_path):
+    """An editor may strip the blank line of an image without features at the end of the file."""
     model = ColmapModel(CAMERAS, NAMES)
     model.images = [(*image[:4], []) for image in model.images]
     model.points = []
@@ -136,9 +132,9 @@ def test_features_without_a_line_of_their_own_are_none(tmp_path):
     assert len(capture.views) == 9 and capture.points is None
 
 
-@pytest.mark.parametrize("model", REFUSED)
+@pytest.mark.parametrize("model", sorted(set(COLMAP_IDS) - set(MODELS)))
 @pytest.mark.parametrize("suffix", [".bin", ".txt"])
-def test_lenses_that_cannot_be_expressed_are_refused_by_name(tmp_path, model, suffix):
+def test_unsupported_lenses_are_rejected_by_name(tmp_path, model, suffix):
     written = ColmapModel(CAMERAS, NAMES)
     written.cameras = [(7, model, 8, 6, [5.0] * len(PARAMETERS[model].split()))]
     put_photos(tmp_path / "images", NAMES)
@@ -147,34 +143,21 @@ def test_lenses_that_cannot_be_expressed_are_refused_by_name(tmp_path, model, su
         open_capture(tmp_path)
 
 
-# --------------------------------------------------------------------------------------------------------------- photos
-NUMBERED = [f"IMG_{4000 + number}.JPG" for number in range(9)]
-IN_ORDER = [f"image{name}" for name in NAMES]
 IN_TWO_FOLDERS = [f"cam{number % 2}/{name}" for number, name in enumerate(NAMES)]
 
 
 @pytest.mark.parametrize(
-    ("in_model", "folder", "on_disk", "remark"),
+    ("in_model", "folder", "on_disk", "warning"),
     [
         *((NAMES, folder, NAMES, "") for folder in ("images", "input", "images_4", "rgb", ".")),
         (IN_TWO_FOLDERS, "images", IN_TWO_FOLDERS, ""),
         (IN_TWO_FOLDERS, "images", NAMES, ""),
         ([name.replace(".png", ".JPG") for name in NAMES], "images_8", NAMES, ""),
-        (NUMBERED, "images_8", IN_ORDER, "taken in order"),
+        ([f"IMG_{4000 + n}.JPG" for n in range(9)], "images_8", [f"image{name}" for name in NAMES], "taken in order"),
     ],
-    ids=[
-        "images",
-        "input",
-        "images_4",
-        "rgb",
-        "here",
-        "subfolders",
-        "one folder for all",
-        "other suffix",
-        "other names",
-    ],
+    ids=["images", "input", "images_4", "rgb", "here", "subfolders", "flattened", "other suffix", "other names"],
 )
-def test_photos_are_found_where_tools_put_them(tmp_path, in_model, folder, on_disk, remark):
+def test_photos_are_found_in_common_folders(tmp_path, in_model, folder, on_disk, warning):
     write_colmap(tmp_path, CAMERAS, in_model)
     shutil.rmtree(tmp_path / "images")
     put_photos(tmp_path / folder, on_disk, CAMERAS)
@@ -184,10 +167,10 @@ def test_photos_are_found_where_tools_put_them(tmp_path, in_model, folder, on_di
     for name, camera in zip(on_disk, CAMERAS, strict=True):
         assert_allclose(found[tmp_path / folder / name].camera_to_world, camera.camera_to_world, atol=1e-9)
     assert len({view.name for view in capture.views}) == 9
-    assert [remark in warning for warning in capture.warnings] == [True] * bool(remark)
+    assert [warning in each for each in capture.warnings] == [True] * bool(warning)
 
 
-def test_photos_of_equal_names_put_into_one_folder_are_not_guessed(tmp_path):
+def test_ambiguous_photo_names_are_not_guessed(tmp_path):
     write_colmap(tmp_path, CAMERAS, [f"cam{number}/000.png" for number in range(9)])
     shutil.rmtree(tmp_path / "images")
     put_photos(tmp_path / "images", ["000.png"])
@@ -195,15 +178,15 @@ def test_photos_of_equal_names_put_into_one_folder_are_not_guessed(tmp_path):
         open_capture(tmp_path)
 
 
-def test_the_photos_nearest_to_the_model_are_taken(tmp_path):
-    """Undistorted photos lie beside their model, the original ones of the same names above."""
+def test_photos_nearest_to_the_model_are_used(tmp_path):
+    """Undistorted photos lie beside their model, the originals of the same names above."""
     put_photos(tmp_path / "images", NAMES)
     put_photos(tmp_path / "dense" / "images", NAMES, CAMERAS)
     ColmapModel(CAMERAS, NAMES).write(tmp_path / "dense" / "sparse")
     assert open_capture(tmp_path).views[0].image == tmp_path / "dense" / "images" / NAMES[0]
 
 
-def test_missing_and_unposed_photos_are_counted_and_points_keep_their_views(tmp_path):
+def test_missing_and_unposed_photos_are_skipped_with_warnings(tmp_path):
     write_colmap(tmp_path, CAMERAS, NAMES)
     complete = open_capture(tmp_path)
     (tmp_path / "images" / NAMES[0]).unlink()

@@ -1,4 +1,4 @@
-"""One rig, written in every format, is the same rig; which format a folder is read as; a format of one's own."""
+"""Every capture format gives the same cameras; precedence among formats, LLFF, and registered formats."""
 
 import csv
 import shutil
@@ -35,7 +35,7 @@ LENSES = {
     "rational": ((0.1, -0.02, 0.003, -0.004, 0.005, 0.03, -0.01, 0.002), False),
     "fisheye": ((0.1, -0.02, 0.003, -0.004), True),
 }
-FORMATS = {  # writer, and what the format can hold of a camera
+FORMATS = {  # writer, and the part of a camera that the format can express
     "nerf-synthetic": (lambda folder, cameras: write_nerf_synthetic(folder, cameras), centered),
     "transforms": (lambda folder, cameras: write_transforms(folder, cameras, NAMES), lambda camera: camera),
     "colmap binary": (lambda folder, cameras: write_colmap(folder, cameras, NAMES), lambda camera: camera),
@@ -47,8 +47,7 @@ FORMATS = {  # writer, and what the format can hold of a camera
 
 def assert_same_camera(read, written):
     assert (read.width, read.height, read.fisheye) == (written.width, written.height, written.fisheye)
-    intrinsics = [[camera.fx, camera.fy, camera.cx, camera.cy] for camera in (read, written)]
-    assert_allclose(*intrinsics, rtol=1e-5)
+    assert_allclose(*([camera.fx, camera.fy, camera.cx, camera.cy] for camera in (read, written)), rtol=1e-5)
     assert_allclose(read.distortion, written.distortion, rtol=1e-5)
     scale = 1 + np.abs(written.position).max()
     assert_allclose(read.camera_to_world, written.camera_to_world, rtol=1e-5, atol=1e-5 * scale)
@@ -72,11 +71,11 @@ def test_every_format_gives_the_same_cameras(tmp_path_factory, name, seed, lens)
 
 
 RIG = [centered(camera) for camera in random_rig(3)]
-WITH_SIZES = [name for name in FORMATS if name != "nerf-synthetic"]  # whose cameras say how large their photos are
+WITH_SIZES = [name for name in FORMATS if name != "nerf-synthetic"]  # formats that declare the size of photos
 
 
 @pytest.mark.parametrize("name", WITH_SIZES)
-def test_intrinsics_and_observations_follow_the_real_size_of_photos(tmp_path, name):
+def test_intrinsics_and_observations_follow_the_actual_photo_size(tmp_path, name):
     write, expressible = FORMATS[name]
     write(tmp_path, [expressible(camera) for camera in random_rig(2)])
     before = open_capture(tmp_path)
@@ -93,7 +92,7 @@ def test_intrinsics_and_observations_follow_the_real_size_of_photos(tmp_path, na
 
 
 @pytest.mark.parametrize("name", WITH_SIZES)
-def test_bare_cameras_need_no_photos(tmp_path, name):
+def test_cameras_can_be_read_without_photos(tmp_path, name):
     write, expressible = FORMATS[name]
     cameras = [expressible(camera) for camera in random_rig(2)]
     write(tmp_path, cameras)
@@ -104,9 +103,8 @@ def test_bare_cameras_need_no_photos(tmp_path, name):
         assert_same_camera(view.camera, camera)
 
 
-# -------------------------------------------------------------------------------------------------------- canonical JSON
 @pytest.mark.parametrize("lens", LENSES)
-def test_the_canonical_json_keeps_every_lens_and_finds_the_splats_of_a_folder_that_moved(tmp_path, lens):
+def test_canonical_json_keeps_lenses_and_splats_when_moved(tmp_path, lens):
     then, now = tmp_path / "then", tmp_path / "now"
     splats = CapturedSplats(put(then / "splat.ply", b"ply"), True)
     cameras = random_rig(5, 3, *LENSES[lens])
@@ -124,31 +122,29 @@ def test_the_canonical_json_keeps_every_lens_and_finds_the_splats_of_a_folder_th
         assert replace(after.camera, camera_to_world=np.eye(4)) == replace(before.camera, camera_to_world=np.eye(4))
 
 
-def test_older_engines_refuse_a_capture_with_splats_and_know_one_without(tmp_path):
-    """They would pass over the splats, and learn others."""
+def test_captures_with_splats_have_a_newer_schema(tmp_path):
+    """Older engines would ignore the splats, so they must not accept such a capture."""
     bare = Capture(tmp_path, "transforms", (View("v", "v", RIG[0], tmp_path / "v.png", "train"),))
     assert capture_to_json(bare)["schema"] == "karf-capture/1" and "gains" not in capture_to_json(bare)["views"][0]
     with_splats = capture_to_json(replace(bare, splats=CapturedSplats(tmp_path / "splat.ply")))
     assert with_splats["schema"] == "karf-capture/2"
     early = capture_from_json(with_splats | {"schema": "karf-capture/1"}, tmp_path / "capture.json")
-    assert early.splats is not None, "files that were written in between are read"
+    assert early.splats is not None, "files written before the schema changed are read"
 
 
-# ----------------------------------------------------------------------------------------------------------- precedence
 @pytest.fixture
-def unregistered(monkeypatch):
-    """Formats that are registered in the test are forgotten after it."""
+def restore_formats(monkeypatch):
+    """Restore the registered formats after the test."""
     monkeypatch.setattr(captures, "FORMATS", list(captures.FORMATS))
 
 
 def write_all(folder, *formats):
-    cameras = [centered(camera) for camera in random_rig(2)]
     for name in formats:
-        FORMATS[name][0](folder, cameras)
+        FORMATS[name][0](folder, [centered(camera) for camera in random_rig(2)])
 
 
 @pytest.mark.parametrize(
-    ("formats", "marker", "left"),
+    ("formats", "marker", "ignored"),
     [
         (["colmap binary", "llff"], "sparse/", "poses_bounds.npy"),
         (["transforms", "colmap binary"], "transforms.json", "sparse/"),
@@ -156,36 +152,36 @@ def write_all(folder, *formats):
         (["nerf-synthetic", "transforms"], "transforms_train.json", "transforms.json"),
     ],
 )
-def test_of_several_formats_the_first_in_order_is_read_with_a_remark(tmp_path, formats, marker, left):
+def test_first_of_several_formats_is_read_with_a_warning(tmp_path, formats, marker, ignored):
     write_all(tmp_path, *formats)
     capture = open_capture(tmp_path)
     assert capture.format == formats[0].split()[0]
-    assert len(capture.warnings) == 1 and capture.warnings[0].startswith(f"{marker} was read, not {left}: ")
+    assert len(capture.warnings) == 1 and capture.warnings[0].startswith(f"{marker} was read, not {ignored}: ")
 
 
 @pytest.mark.parametrize(
     ("file", "format_name"),
-    [
-        ("transforms.json", "transforms"),
-        ("sparse/0/images.bin", "colmap"),
-        ("sparse", "colmap"),
-        ("poses_bounds.npy", "llff"),
-    ],
+    {
+        "transforms.json": "transforms",
+        "sparse/0/images.bin": "colmap",
+        "sparse": "colmap",
+        "poses_bounds.npy": "llff",
+    }.items(),
 )
-def test_a_file_is_read_as_what_it_is_without_a_remark(tmp_path, file, format_name):
+def test_chosen_file_determines_the_format(tmp_path, file, format_name):
     write_all(tmp_path, "transforms", "colmap binary", "llff")
     capture = open_capture(tmp_path / file)
     assert capture.format == format_name and capture.warnings == ()
 
 
-def test_what_only_resembles_a_model_does_not_hide_other_cameras(tmp_path):
+def test_lookalike_of_a_model_does_not_hide_other_cameras(tmp_path):
     write_all(tmp_path, "llff")
     (tmp_path / "sparse").mkdir()
     put(tmp_path / "images.txt", b"a list of pictures")
     assert open_capture(tmp_path).format == "llff"
 
 
-def test_photos_alone_are_no_capture_and_all_known_formats_are_named(unregistered, tmp_path):
+def test_photos_alone_are_rejected_naming_the_known_formats(restore_formats, tmp_path):
     put_photos(tmp_path / "images", NAMES)
     with pytest.raises(DataError, match="does not exist"):
         open_capture(tmp_path / "nothing")
@@ -200,14 +196,13 @@ def test_photos_alone_are_no_capture_and_all_known_formats_are_named(unregistere
     assert caught.value.hint.startswith("A capture has one of these: cameras.csv, transforms_train.json")
 
 
-# -------------------------------------------------------------------------------------------------------------------- LLFF
 @pytest.fixture
 def llff(tmp_path):
     write_llff(tmp_path, RIG, NAMES)
     return tmp_path
 
 
-def test_the_columns_are_down_right_back(tmp_path):
+def test_llff_columns_are_down_right_back(tmp_path):
     #        down  right  back  position  (height, width, focal)
     block = [[0.0, 1.0, 0.0, 5.0, 6.0], [-1.0, 0.0, 0.0, 6.0, 8.0], [0.0, 0.0, 1.0, 7.0, 10.0]]
     np.save(tmp_path / "poses_bounds.npy", [[*np.ravel(block), 2.0, 30.0]])
@@ -219,7 +214,7 @@ def test_the_columns_are_down_right_back(tmp_path):
 
 
 @pytest.mark.parametrize("chosen", ["poses_bounds.npy", "."])
-def test_all_views_are_learned_from_and_other_files_are_no_photos(llff, chosen):
+def test_llff_trains_on_all_views_and_ignores_other_files(llff, chosen):
     put(llff / "images" / "._IMG_0.png", b"resource fork")
     put(llff / "images" / "notes.txt", b"text")
     capture = open_capture(llff / chosen)
@@ -227,24 +222,18 @@ def test_all_views_are_learned_from_and_other_files_are_no_photos(llff, chosen):
     assert [view.image for view in capture.split("train")] == [llff / "images" / name for name in NAMES]
 
 
-def test_the_largest_photos_that_are_complete_are_taken(llff):
+def test_llff_uses_the_largest_complete_photos(llff):
     (llff / "images" / NAMES[4]).unlink()
     for name, size in (("images_2", (40, 30)), ("images_4", (20, 15)), ("images_20x15", (20, 16))):
         put_photos(llff / name, NAMES, size)
     assert {view.image.parent.name for view in open_capture(llff).views} == {"images_2"}
 
 
-def test_impossible_depth_bounds_are_left_out_with_a_remark(llff):
+def test_llff_drops_impossible_depth_bounds_with_a_warning(llff):
     np.save(llff / "poses_bounds.npy", llff_table(RIG, bounds=(-1.0, 5.0)))
     capture = open_capture(llff)
     assert all(view.depth_bounds is None for view in capture.views)
     assert capture.warnings == ("9 views: depth bounds that are not a range of positive depths were left out.",)
-
-
-# --------------------------------------------------------------------------------------------------- a format of one's own
-@pytest.fixture
-def registered(unregistered):
-    register_format(CSV)
 
 
 def write_csv(folder):
@@ -258,7 +247,8 @@ def write_csv(folder):
 
 
 @pytest.mark.parametrize("place", [".", "cameras.csv"])
-def test_a_registered_format_is_opened_before_the_others_by_its_folder_or_its_file(registered, tmp_path, place):
+def test_registered_format_takes_precedence(restore_formats, tmp_path, place):
+    register_format(CSV)
     write_csv(tmp_path)
     capture = open_capture(tmp_path / place, holdout=8)
     assert (capture.format, capture.warnings) == ("csv", ())
@@ -270,8 +260,9 @@ def test_a_registered_format_is_opened_before_the_others_by_its_folder_or_its_fi
     assert open_capture(tmp_path).warnings == ("cameras.csv was read, not poses_bounds.npy: it was written by hand.",)
 
 
-def test_a_name_is_registered_once(registered):
-    register_format(CSV)  # again, as a module that is imported twice does
+def test_format_name_is_registered_once(restore_formats):
+    register_format(CSV)
+    register_format(CSV)  # as when a module is imported twice
     with pytest.raises(BadRequest, match="another capture format 'csv'"):
         register_format(replace(CSV, marker="other.csv"))
     assert [known.name for known in captures.FORMATS].count("csv") == 1

@@ -1,4 +1,4 @@
-"""A capture is inspected before it is learned: what is wrong is found, named and drawn, and what is right is not."""
+"""Inspecting a capture before training: flaws are found, named and drawn, without false alarms."""
 
 import json
 from dataclasses import replace
@@ -23,14 +23,14 @@ SIZE = 120
 
 
 def textured(points):
-    """A color for each place on a ball: smooth noise, in which features are found."""
+    """Smooth noise as color of points on a ball, with features to match."""
     random = np.random.default_rng(3)
     waves = random.normal(0, 9, (40, 3)), random.uniform(0, 6, 40), random.uniform(-1, 1, (40, 3))
     return (0.5 + 0.08 * np.sin(points @ waves[0].T + waves[1]) @ waves[2]).clip(0.05, 0.95)
 
 
 def photo(camera):
-    """The ball of radius 1 about the origin before gray, [H, W, 3]."""
+    """The unit ball at the origin in front of gray, [H, W, 3]."""
     origins, along = camera.rays(camera.pixel_centers())
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     middle = -(origins * along).sum(1)
@@ -66,60 +66,57 @@ def ring(cameras, photos, tmp_path_factory):
     return write(tmp_path_factory.mktemp("ring"), cameras, photos)
 
 
-def test_a_good_ring_is_not_scolded(ring):
+def test_good_ring_has_no_findings(ring):
     advice = inspect_capture(ring)
     assert not advice.is_poor and not advice.findings and advice.psnr > 28
     assert advice.sentence.startswith("20 photos: new views will have about")
 
 
-def test_a_blurred_photo_is_named(cameras, photos, tmp_path):
+def test_blurred_photo_is_named(cameras, photos, tmp_path):
     blurred = [cv2.GaussianBlur(each, (0, 0), 2.0) if n == 7 else each for n, each in enumerate(photos)]
     (finding,) = inspect_capture(write(tmp_path, cameras, blurred)).findings
     assert finding.values["names"] == "p_07" and "sharp" in finding
 
 
-def test_a_darker_photo_and_a_warmer_one_are_named(cameras, photos, tmp_path):
+def test_darker_and_warmer_photos_are_named(cameras, photos, tmp_path):
     changed = list(photos)
     changed[3] = photos[3] * 0.75
     changed[12] = photos[12] * (1.1, 1.0, 0.85)
-    told = {
-        each.key.split(":")[0]: each.values["names"]
-        for each in inspect_capture(write(tmp_path, cameras, changed)).findings
-    }
-    assert told["Exposed otherwise than the rest, by up to {stops} stops"] == "p_03"
-    assert "p_12" in told["Of another white balance than the rest"]
+    findings = inspect_capture(write(tmp_path, cameras, changed)).findings
+    names = {each.key.split(":")[0]: each.values["names"] for each in findings}
+    assert names["Exposed otherwise than the rest, by up to {stops} stops"] == "p_03"
+    assert "p_12" in names["Of another white balance than the rest"]
 
 
-def test_exposures_are_those_that_were_given():
+def test_solved_exposures_match_the_given_ones():
     wanted = np.array([[0.5, 0.4, 0.6], [-0.2, 0.0, -0.1], [-0.3, -0.4, -0.5]])
     pairs = [(0, 1), (1, 2), (0, 2)]
     stops = np.array([wanted[b] - wanted[a] for a, b in pairs])
     np.testing.assert_allclose(solve_exposures(3, pairs, stops), wanted, atol=1e-3)
 
 
-def test_the_widest_hole_is_where_photos_were_left_out(cameras):
-    left = [camera for n, camera in enumerate(cameras) if n not in (4, 5, 6)]
-    placement = measure_placement(left, np.zeros((0, 3)))
+def test_widest_hole_is_where_photos_are_missing(cameras):
+    placement = measure_placement(cameras[:4] + cameras[7:], np.zeros((0, 3)))
     width, middle = placement.hole
-    assert width == pytest.approx(72 * np.cos(0.4), rel=0.1)  # four steps of 18 degrees, on a circle above the ground
-    gone = cameras[5].position / np.linalg.norm(cameras[5].position)
-    assert middle @ gone > np.cos(np.radians(6))
+    assert width == pytest.approx(72 * np.cos(0.4), rel=0.1)  # four steps of 18 degrees, at this elevation
+    missing = cameras[5].position / np.linalg.norm(cameras[5].position)
+    assert middle @ missing > np.cos(np.radians(6))
     assert placement.beside_hole() in ([3, 4], [4, 3])
 
 
-def test_more_photos_go_into_the_holes_and_narrow_them(cameras):
+def test_suggested_photos_narrow_the_holes(cameras):
     placement = measure_placement(cameras[:12], np.zeros((0, 3)))
-    then = placement.extended(4)
-    assert then.spacing < 0.9 * placement.spacing and then.hole[0] < placement.hole[0]
+    extended = placement.extended(4)
+    assert extended.spacing < 0.9 * placement.spacing and extended.hole[0] < placement.hole[0]
 
 
-def test_a_capture_of_one_side_is_not_asked_to_go_round(cameras):
+def test_one_sided_capture_counts_as_open(cameras):
     placement = measure_placement(cameras[:6], np.zeros((0, 3)))
     assert placement.is_open and placement.hole[0] < 25
     assert not measure_placement(cameras, np.zeros((0, 3))).is_open
 
 
-def test_wrong_poses_cost_the_agreement(ring):
+def test_wrong_poses_lower_the_agreement(ring):
     capture = open_capture(ring)
     moved = np.random.default_rng(0).permutation(len(capture.views))
     mixed = tuple(replace(view, camera=capture.views[n].camera) for view, n in zip(capture.views, moved, strict=True))
@@ -136,7 +133,7 @@ def test_thin_marks_are_named(ring, tmp_path):
     assert finding.values["name"] == "wire" and finding.values["share"] == "100"
 
 
-def test_command_and_query_say_the_same_and_write_the_map(ring, tmp_path, capsys):
+def test_command_and_query_agree_and_write_the_map(ring, tmp_path, capsys):
     assert main(["inspect", str(ring), "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out.splitlines()
     content = json.loads((tmp_path / "inspection.json").read_text())
@@ -148,7 +145,7 @@ def test_command_and_query_say_the_same_and_write_the_map(ring, tmp_path, capsys
     assert (read_photo(Path(answer["picture"])) == drawn).all() and orange > 500
 
 
-def test_what_cannot_be_inspected_is_told(ring, cameras, photos, tmp_path):
+def test_missing_masks_and_too_few_photos_are_rejected(ring, cameras, photos, tmp_path):
     with pytest.raises(KarfError, match="is no folder of masks"):
         inspect_capture(ring, masks=tmp_path / "none")
     with pytest.raises(KarfError, match="has 2 photos"):

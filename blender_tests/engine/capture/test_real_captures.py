@@ -1,4 +1,4 @@
-"""Captures from the wild, where a folder of them is at hand: see the fixture `scenes`."""
+"""Real captures, where a folder of them is available (see the fixture `scenes`)."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ SCALED = ("34 views: photos are 504x378 where the file says 4032x3024; their int
         ("bonsai", (127, 19, 0), (800, 533), ()),
     ],
 )
-def test_real_captures_open_complete(scenes, name, splits, size, warnings):
+def test_real_captures_open_completely(scenes, name, splits, size, warnings):
     capture = open_capture(scenes / name, holdout=8)
     assert tuple(len(capture.split(split)) for split in ("train", "test", "val")) == splits
     assert {(view.camera.width, view.camera.height) for view in capture.views} == {size}
@@ -28,7 +28,7 @@ def test_real_captures_open_complete(scenes, name, splits, size, warnings):
     assert capture.warnings == warnings
 
 
-def test_the_points_of_the_colmap_capture_are_seen_where_its_cameras_say(scenes):
+def test_colmap_points_project_close_to_their_observations(scenes):
     """COLMAP's own mean reprojection error is 0.41 pixels."""
     capture = open_capture(scenes / "bonsai")
     assert (len(capture.points), len(capture.points.view)) == (26717, 140819)

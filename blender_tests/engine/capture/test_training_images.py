@@ -1,4 +1,4 @@
-"""Photos at the working size with their cameras, and what surrounds the objects in them."""
+"""Loading photos at the working size with their cameras, and detecting the kind of background."""
 
 import gc
 import weakref
@@ -31,7 +31,7 @@ BLEEDING = np.array([[[255, 51, 0, 255], *[[0, 255, 0, 0]] * 3]] * 2, np.uint8) 
         (np.dstack([OPAQUE, np.full((12, 18), 255, np.uint8)]), 400, OPAQUE.astype(np.float32) / 255, None, 0),
         (BLEEDING, 2, [[[1.0, 0.2, 0.0], [0, 0, 0]]], [[0.5, 0.0]], 1e-6),
     ],
-    ids=["shrunk", "never enlarged", "alpha of 255 is no matte", "hidden colors do not bleed"],
+    ids=["shrunk", "never enlarged", "opaque alpha", "hidden colors do not bleed"],
 )
 def test_photos_are_read_at_the_long_side_with_straight_colors(tmp_path, pixels, long_side, color, alpha, tolerance):
     (found,) = load_views([view_of(tmp_path / "a.png", pixels)], long_side)
@@ -42,13 +42,12 @@ def test_photos_are_read_at_the_long_side_with_straight_colors(tmp_path, pixels,
     assert alpha is None or np.abs(found.alpha - alpha).max() <= tolerance
 
 
-def test_the_camera_shrinks_with_its_photo(tmp_path):
-    (found,) = load_views([view_of(tmp_path / "a.png", OPAQUE)], 9)
-    camera = found.camera
+def test_camera_shrinks_with_its_photo(tmp_path):
+    camera = load_views([view_of(tmp_path / "a.png", OPAQUE)], 9)[0].camera
     assert (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy) == (9, 6, 10, 11, 4.5, 3)
 
 
-def test_a_shrunken_photo_is_undistorted_without_loss_of_detail_and_says_what_it_covers(tmp_path):
+def test_shrunken_photo_is_undistorted_with_full_detail(tmp_path):
     camera = Camera(640, 480, 420.0, 410.0, 332.0, 230.0, np.eye(4), (0.12, 0.05, 0.011, -0.0095))
     smooth = cv2.GaussianBlur(np.random.default_rng(10).random((480, 640, 3)), (0, 0), 4)
     pixels = np.uint8(255 * (smooth - smooth.min()) / np.ptp(smooth))
@@ -62,15 +61,14 @@ def test_a_shrunken_photo_is_undistorted_without_loss_of_detail_and_says_what_it
     assert found.camera.distortion == ()
 
 
-def test_a_lens_map_is_computed_once_for_views_that_share_it(tmp_path):
+def test_lens_map_is_computed_once_per_lens(tmp_path):
     lens_map.cache_clear()
-    views = [view_of(tmp_path / f"{i}.png", OPAQUE, LENS if i % 2 else LENS[:4]) for i in range(6)]
-    load_views(views, 9)
+    load_views([view_of(tmp_path / f"{i}.png", OPAQUE, LENS if i % 2 else LENS[:4]) for i in range(6)], 9)
     assert lens_map.cache_info().misses == 2
 
 
 @pytest.mark.parametrize(("size", "turn"), [((16, 32), 3), ((32, 16), 0)])
-def test_turned_photos_are_loaded_as_their_camera_was_made(tmp_path, size, turn):
+def test_photos_are_rotated_as_their_camera_expects(tmp_path, size, turn):
     pixels = np.zeros((16, 32, 3), np.uint8)
     pixels[:8, :8] = 255
     exif = Image.Exif()
@@ -81,12 +79,12 @@ def test_turned_photos_are_loaded_as_their_camera_was_made(tmp_path, size, turn)
     assert_allclose(found.color, np.rot90(pixels / 255, turn), atol=0.05)
 
 
-def test_photos_that_do_not_fit_their_camera_are_named(tmp_path):
+def test_photo_of_another_size_than_its_camera_is_rejected(tmp_path):
     with pytest.raises(DataError, match=r"a\.png is 18x12 pixels where its camera has 20x12"):
         load_views([view_of(tmp_path / "a.png", OPAQUE, size=(20, 12))], 9)
 
 
-def test_photos_of_many_sizes_and_kinds_load_in_one_capture_one_at_a_time(tmp_path, monkeypatch):
+def test_photos_of_mixed_kinds_are_loaded_one_at_a_time(tmp_path, monkeypatch):
     OpenEXR.File({}, {"RGB": np.full((8, 24, 3), 0.18, np.float32)}).write(str(tmp_path / "d.exr"))
     views = [
         view_of(tmp_path / "a.png", OPAQUE),
@@ -113,7 +111,7 @@ def test_photos_of_many_sizes_and_kinds_load_in_one_capture_one_at_a_time(tmp_pa
 
 
 def framed(color):
-    """A photo whose border is of one gray, but where the object touches it."""
+    """A photo with a uniform gray border except where the object touches it."""
     photo = np.random.default_rng(4).uniform(0.2, 0.8, size=(20, 30, 3))
     for border in (photo[:2], photo[-2:], photo[:, :2], photo[:, -2:]):
         border[:] = color
@@ -143,7 +141,7 @@ def test_each_kind_of_background_is_recognized(photos, kind):
     assert background_kind(photos) == kind
 
 
-def test_photos_without_any_visible_pixel_are_no_scene():
+def test_entirely_transparent_photos_are_rejected():
     with pytest.raises(DataError, match="All photos are transparent everywhere") as caught:
         background_kind([HIDDEN] * 3)
     assert caught.value.hint

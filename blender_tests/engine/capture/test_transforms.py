@@ -1,4 +1,4 @@
-"""transforms*.json: layouts found in the wild, and exact round trips."""
+"""transforms*.json: exact round trips, and layouts that occur in practice."""
 
 import io
 import math
@@ -20,31 +20,30 @@ from karf_engine.errors import BadRequest
 POSE = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
 
 
-# ------------------------------------------------------------------------------------------------------------- fixtures
 def frames(*names, **fields):
     return [{"file_path": name, "transform_matrix": POSE, **fields} for name in names]
 
 
 def write_captured(folder, file, names, size=(4, 4), **content):
-    """A transforms file and the photos that it names."""
+    """Write a transforms file and the photos that it names."""
     put_json(folder / file, {"camera_angle_x": math.pi / 2, "frames": frames(*names)} | content)
     for name in names:
         put(folder / (name if name.endswith(".png") else f"{name}.png"), png_bytes(*size))
 
 
 @pytest.fixture
-def one(tmp_path):
-    """Opens a transforms.json of this content beside its one photo a.png."""
+def open_one(tmp_path):
+    """Opens a transforms.json with this content and one photo a.png."""
 
-    def open_one(content, size=(4, 4)):
+    def write_and_open(content, size=(4, 4)):
         write_captured(tmp_path, "transforms.json", ["a.png"], size, **content)
         return open_capture(tmp_path)
 
-    return open_one
+    return write_and_open
 
 
 def rig(seed: int) -> list[View]:
-    """Five views of five lenses."""
+    """Five views with five lenses."""
     views = []
     for index, n_coefficients in enumerate((0, 4, 5, 8, 4)):
         coefficients = np.random.default_rng(seed + index).normal(size=n_coefficients) * 0.1
@@ -54,9 +53,8 @@ def rig(seed: int) -> list[View]:
     return views
 
 
-# ---------------------------------------------------------------------------------------------------------- round trips
-def test_a_written_capture_is_read_back_with_photos_and_splats_wherever_they_lie(tmp_path):
-    """Written beside its pictures before it moves, with a photo that stays in another folder."""
+def test_written_capture_is_read_back_with_photos_and_splats(tmp_path):
+    """The folder is moved after writing, and one photo lies outside it."""
     work, out = tmp_path / "work", tmp_path / "deep" / "out"
     photos = [put(work / "images" / "a.png", png_bytes(8, 6)), put(tmp_path / "photos" / "b.png", png_bytes(8, 6))]
     camera = Camera(8, 6, 7.0, 7.5, 4.0, 3.0, np.array(POSE, float), (0.1, 0, 0, 0))
@@ -74,7 +72,7 @@ def test_a_written_capture_is_read_back_with_photos_and_splats_wherever_they_lie
 
 @settings(derandomize=True, max_examples=25, deadline=None)
 @given(st.integers(0, 10_000))
-def test_written_cameras_are_read_back_without_loss_whatever_photos_lie_beside_them(tmp_path_factory, seed):
+def test_written_cameras_are_read_back_without_loss(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("rig") / "CAMERAS.json"
     views = rig(seed)
     write_cameras(path, views)
@@ -87,8 +85,7 @@ def test_written_cameras_are_read_back_without_loss_whatever_photos_lie_beside_t
         assert replace(after.camera, camera_to_world=np.eye(4)) == replace(before.camera, camera_to_world=np.eye(4))
 
 
-# -------------------------------------------------------------------------------------------------------------- layouts
-def test_nerf_synthetic_splits_are_kept_and_equal_stems_get_distinct_names(tmp_path):
+def test_nerf_synthetic_keeps_splits_and_makes_names_unique(tmp_path):
     for split, count in (("train", 3), ("val", 2), ("test", 2)):
         write_captured(tmp_path, f"transforms_{split}.json", [f"./{split}/r_{i}" for i in range(count)], (20, 10))
     capture = open_capture(tmp_path)
@@ -99,19 +96,19 @@ def test_nerf_synthetic_splits_are_kept_and_equal_stems_get_distinct_names(tmp_p
     ]
     camera = capture.views[0].camera
     assert (camera.width, camera.height, camera.cx, camera.cy) == (20, 10, 10, 5)
-    assert_allclose([camera.fx, camera.fy], 10)  # half the width, as tan(45 degrees) = 1
+    assert_allclose([camera.fx, camera.fy], 10)  # half the width for a field of view of 90 degrees
     assert capture.views[0].stem == "r_0"
-    assert len(open_capture(tmp_path / "transforms_test.json").views) == 7  # one file stands for its folder
+    assert len(open_capture(tmp_path / "transforms_test.json").views) == 7  # a file stands for its folder
 
 
-def test_a_split_file_holds_only_its_own_bare_cameras(tmp_path):
+def test_split_file_without_photos_holds_only_its_own_cameras(tmp_path):
     for split in ("train", "test"):
         write_captured(tmp_path, f"transforms_{split}.json", [f"{split}/r_0"], w=4, h=4)
     bare = open_capture(tmp_path / "transforms_test.json", photos=False)
     assert [(view.name, view.split) for view in bare.views] == [("r_0", "test")]
 
 
-def test_captures_without_test_views_hold_out_as_many_as_are_asked_for_and_keep_val(tmp_path):
+def test_captures_without_test_views_hold_out_the_requested_share(tmp_path):
     write_captured(tmp_path, "transforms_train.json", [f"train/r_{i}" for i in range(9)])
     write_captured(tmp_path, "transforms_val.json", ["val/v"])
     capture = open_capture(tmp_path, holdout=8)
@@ -129,13 +126,13 @@ def test_nerfstudio_file_lists_declare_the_split(tmp_path):
 
 
 @pytest.mark.parametrize("holdout", [1, -8])
-def test_a_holdout_that_leaves_nothing_to_learn_from_is_refused(tmp_path, holdout):
+def test_impossible_holdout_is_rejected(tmp_path, holdout):
     write_cameras(tmp_path / "transforms.json", rig(1))
     with pytest.raises(BadRequest, match="cannot be held out"):
         open_capture(tmp_path, photos=False, holdout=holdout)
 
 
-def test_per_frame_intrinsics_win_over_global_ones(tmp_path):
+def test_per_frame_intrinsics_override_global_ones(tmp_path):
     put(tmp_path / "a.png", png_bytes(8, 6))
     put(tmp_path / "b.png", png_bytes(4, 4))
     own = {"w": 4, "h": 4, "fl_x": 7.0, "cx": 1.5, "k1": 0.25}
@@ -158,13 +155,13 @@ def test_per_frame_intrinsics_win_over_global_ones(tmp_path):
         ("images\\1", "images/1.JPG"),
     ],
 )
-def test_photos_are_found_where_they_really_lie(tmp_path, file_path, photo):
+def test_photos_are_found_from_inaccurate_paths(tmp_path, file_path, photo):
     put(tmp_path / photo, png_bytes(6, 4))
     put_json(tmp_path / "transforms.json", {"camera_angle_x": 1.0, "frames": frames(file_path)})
     assert open_capture(tmp_path).views[0].image == tmp_path / photo
 
 
-def test_a_missing_photo_is_never_replaced_by_one_of_another_split(tmp_path):
+def test_missing_photo_is_not_replaced_from_another_split(tmp_path):
     write_captured(tmp_path, "transforms_train.json", ["train/r_0", "train/r_1"])
     (tmp_path / "train" / "r_1.png").unlink()
     for name in ("test/r_1.png", "r_1.png"):
@@ -175,20 +172,18 @@ def test_a_missing_photo_is_never_replaced_by_one_of_another_split(tmp_path):
 
 
 @pytest.mark.parametrize(("declared", "expected"), [((60, 40), (60, 40)), ((40, 60), (40, 60)), (None, (40, 60))])
-def test_turned_photos_keep_the_orientation_their_camera_was_made_for(tmp_path, declared, expected):
+def test_rotated_photos_keep_the_orientation_of_their_camera(tmp_path, declared, expected):
     put(tmp_path / "a.jpg", jpeg_head(60, 40, orientation=6))
     size = {"w": declared[0], "h": declared[1]} if declared else {}
     put_json(tmp_path / "transforms.json", {"fl_x": 50, **size, "frames": frames("a.jpg")})
     capture = open_capture(tmp_path)
     camera = capture.views[0].camera
-    assert (camera.width, camera.height) == expected
-    assert (camera.fx, camera.fy) == (50, 50)
-    assert capture.warnings == ()
+    assert (camera.width, camera.height, camera.fx, camera.fy) == (*expected, 50, 50) and capture.warnings == ()
 
 
-def test_a_uniform_scale_of_the_rotation_is_removed_and_the_position_kept(one):
+def test_scaled_rotation_is_normalized_with_a_warning(open_one):
     pose = [[0, -2, 0, 7], [2, 0, 0, 8], [0, 0, 2, 9]]
-    capture = one({"fl_x": 4, "frames": frames("a.png", transform_matrix=pose)})
+    capture = open_one({"fl_x": 4, "frames": frames("a.png", transform_matrix=pose)})
     assert_allclose(capture.views[0].camera.camera_to_world, [[0, -1, 0, 7], [1, 0, 0, 8], [0, 0, 1, 9], [0, 0, 0, 1]])
     assert "scale of 2" in capture.warnings[0]
 
@@ -201,12 +196,11 @@ def test_a_uniform_scale_of_the_rotation_is_removed_and_the_position_kept(one):
         ({"k1": 0.1, "k4": 0.3}, False, (0.1, 0, 0, 0, 0, 0.3, 0, 0)),
     ],
 )
-def test_lenses_keep_their_coefficients_and_a_fisheye_without_any_is_no_pinhole(one, fields, is_fisheye, coefficients):
-    camera = one({"fl_x": 4} | fields).views[0].camera
+def test_lenses_keep_their_coefficients(open_one, fields, is_fisheye, coefficients):
+    camera = open_one({"fl_x": 4} | fields).views[0].camera
     assert (camera.fisheye, camera.distortion, camera.is_pinhole) == (is_fisheye, coefficients, False)
 
 
-# ----------------------------------------------------------------------------------------------------------- nerfstudio
 POINTS = np.array([[1.5, -2.0, 3.25], [0.0, 0.5, -7.0]])
 COLORS = np.array([[255, 0, 10], [1, 2, 3]])
 
@@ -235,9 +229,9 @@ NERFSTUDIO = {
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_nerfstudio_cameras_stay_as_they_stand_and_bring_their_points(tmp_path, one, encoding):
+def test_nerfstudio_cameras_stay_unchanged_and_bring_their_points(tmp_path, open_one, encoding):
     put(tmp_path / "sparse_pc.ply", ply(encoding))
-    capture = one(NERFSTUDIO)
+    capture = open_one(NERFSTUDIO)
     assert capture.warnings == ()
     assert_allclose(capture.views[0].camera.camera_to_world, POSE)
     assert_allclose(capture.points.positions, POINTS)
@@ -245,6 +239,6 @@ def test_nerfstudio_cameras_stay_as_they_stand_and_bring_their_points(tmp_path, 
     assert np.isnan(capture.points.errors).all() and len(capture.points.view) == len(capture.points.pixels) == 0
 
 
-def test_missing_points_are_remarked(one):
-    capture = one(NERFSTUDIO)
+def test_missing_points_give_a_warning(open_one):
+    capture = open_one(NERFSTUDIO)
     assert capture.points is None and "sparse_pc.ply" in capture.warnings[0]

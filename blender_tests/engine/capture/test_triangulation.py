@@ -1,4 +1,6 @@
-"""Sparse points from photos with known cameras: they lie where the photos say, and a cancelled search stops at once."""
+"""Triangulating sparse points from photos with known cameras."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ def quiet(should_stop=lambda: False):
     return Progress(lambda *_, **__: None, should_stop, "points", 1)
 
 
-def test_points_of_the_demo_photos_lie_on_its_objects_and_project_where_they_were_seen(training_images):
+def test_demo_points_lie_on_objects_and_reproject_accurately(training_images):
     points = triangulate(training_images, 1, quiet())
     assert len(points) > 60
     assert np.median(points.errors) < 1.5
@@ -34,27 +36,24 @@ def test_points_of_the_demo_photos_lie_on_its_objects_and_project_where_they_wer
         assert (depth > 0).all()
         distances += np.linalg.norm(pixels - points.pixels[own], axis=1).tolist()
     assert np.median(distances) < 1.5
-    # the table top is a disk of radius 2.2 at height 0, and nothing on it is higher than 1.5
+    # the table top is a disk of radius 2.2 at height 0, and objects on it are at most 1.5 high
     inside = (np.abs(points.positions[:, :2]).max(1) < 2.4) & (np.abs(points.positions[:, 2] - 0.6) < 1.1)
     assert inside.mean() > 0.95
 
 
-def test_a_cancelled_search_stops(training_images):
+def test_triangulation_can_be_cancelled(training_images):
     with pytest.raises(Cancelled):
         triangulate(training_images, 1, quiet(should_stop=lambda: True))
 
 
-def test_pictures_that_share_nothing_have_no_points(training_images):
+def test_unrelated_pictures_have_no_points(training_images):
     random = np.random.default_rng(0)
-    noise = [
-        type(p)(p.view, p.camera, random.random(p.color.shape, np.float32), None, None) for p in training_images[:4]
-    ]
+    noise = [replace(photo, color=random.random(photo.color.shape, np.float32)) for photo in training_images[:4]]
     assert len(triangulate(noise, 1, quiet())) <= 5
 
 
-def test_each_camera_is_paired_with_those_near_it():
-    capture = open_capture(ROOT / "demo")
-    cameras = [view.camera for view in capture.split("train")]
+def test_cameras_are_paired_with_their_neighbors():
+    cameras = [view.camera for view in open_capture(ROOT / "demo").split("train")]
     pairs = neighbor_pairs(cameras)
     assert all(a < b for a, b in pairs) and len(set(pairs)) == len(pairs)
     assert {number for pair in pairs for number in pair} == set(range(len(cameras)))

@@ -1,6 +1,7 @@
-"""What the settings of the paper's ablations change, and that they change nothing else."""
+"""The settings of the paper's ablations change what they name and nothing else."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,58 +28,44 @@ from karf_engine.segmentation.report import SegmentationReport
 
 
 @pytest.fixture(scope="module")
-def job(learned):
-    """The still life's project, opened to read."""
+def scene(learned):
+    """What the stages before recoloring learned of the still life, and a job that reads it."""
     project = Project(learned.project)
     settings = settings_module.from_dict(project.state()["settings"])
-    return make_job(project, Options(threads=1, device="cpu"), settings, lambda *_, **__: None, lambda: False)
+    field = load_scene(project.geometry_file).field
+    return SimpleNamespace(
+        job=make_job(project, Options(threads=1, device="cpu"), settings, lambda *_, **__: None, lambda: False),
+        field=field,
+        palettes=read_palettes(project.palette_file, "initial"),
+        segmentation=load_segmentation(project.segmentation_file, field.n_features)[0],
+        surface=load_surface(project.surface_file)[0],
+    )
 
 
-@pytest.fixture(scope="module")
-def field(job):
-    """Its radiance field."""
-    return load_scene(job.project.geometry_file).field
+def stacked_palettes(scene):
+    return torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in scene.palettes}))
 
 
-@pytest.fixture(scope="module")
-def palettes(job):
-    """Its palettes as extracted."""
-    return read_palettes(job.project.palette_file, "initial")
-
-
-@pytest.fixture(scope="module")
-def segmentation(job, field):
-    """Its segmentation field."""
-    return load_segmentation(job.project.segmentation_file, field.n_features)[0]
-
-
-@pytest.fixture(scope="module")
-def scene(job, field, segmentation):
-    """Surface and opacity of the rays of the whole scene."""
-    return whole_scene(job, field, segmentation)
-
-
-def fit(karf, field, rays, palettes, settings):
-    """Train a recoloring field."""
-    stacked = torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in palettes}))
+def fit(scene, rays, settings):
+    """Train a recoloring field, always from the same initial values."""
+    torch.manual_seed(0)
+    counts = [len(palette.colors) for palette in scene.palettes]
+    karf = RecoloringField(scene.segmentation.bounds, scene.field.n_features, counts, settings)
     progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", settings.iterations)
-    fit_recoloring(karf, field, rays, stacked, settings, start_runtime(0, 1, "cpu"), progress)
+    where = start_runtime(0, 1, "cpu")
+    fit_recoloring(karf, scene.field, rays, stacked_palettes(scene), settings, where, progress)
+    return karf
 
 
-def rays_with(job, field, palettes, *overrides):
-    """What F_w learns from with changed settings."""
-    changed = replace(job, settings=settings_module.with_overrides(job.settings, list(overrides)))
-    surface, _ = load_surface(job.project.surface_file)
-    return rays_of(changed, field, surface, palettes)
+def rays_with(scene, *overrides):
+    """The rays that F_w learns from with changed settings."""
+    changed = replace(scene.job, settings=settings_module.with_overrides(scene.job.settings, list(overrides)))
+    return rays_of(changed, scene.field, scene.surface, scene.palettes)
 
 
-def reddish(seed):
-    random = np.random.default_rng(seed)
-    return [random.uniform([0.3, 0.0, 0.0], [0.9, 0.3, 0.5], (4000, 3)).astype(np.float32) for _ in range(2)]
-
-
-def test_a_random_palette_is_as_large_as_the_hull_begins_with_black_and_follows_the_seed():
-    pixels = [reddish(0), reddish(1)]
+def test_random_palette_has_hull_size_black_first_and_follows_seed():
+    reddish = [0.3, 0.0, 0.0], [0.9, 0.3, 0.5], (2, 4000, 3)
+    pixels = [list(np.random.default_rng(seed).uniform(*reddish).astype(np.float32)) for seed in (0, 1)]
     hull = extract_palettes(["a", "b"], pixels, PaletteSettings())
     first, again, other = (
         extract_palettes(["a", "b"], pixels, PaletteSettings(start="random"), seed) for seed in (3, 3, 4)
@@ -91,12 +78,12 @@ def test_a_random_palette_is_as_large_as_the_hull_begins_with_black_and_follows_
     assert not np.array_equal(first[0].colors[1:3], first[1].colors[1:3])
 
 
-def test_reference_supervision_asks_only_rays_of_masked_views_for_their_weights(job, field, palettes):
-    everywhere = rays_with(job, field, palettes)
+def test_reference_supervision_uses_only_rays_of_masked_views(scene):
+    everywhere = rays_with(scene)
     assert everywhere.supervised.all()
-    masked = rays_with(job, field, palettes, "recoloring.supervision=reference")
-    views = SegmentationReport.read(job.project.segmentation_report).views
-    tensors, _ = load_tensors(job.project.surface_file, SURFACE_SCHEMA)
+    masked = rays_with(scene, "recoloring.supervision=reference")
+    views = SegmentationReport.read(scene.job.project.segmentation_report).views
+    tensors, _ = load_tensors(scene.job.project.surface_file, SURFACE_SCHEMA)
     names = [views[number] for number in tensors["view"][tensors["sure"]].tolist()]
     assert masked.supervised.tolist() == [name in ("r_8", "train_r_0") for name in names]
     assert 0 < masked.supervised.sum() < len(masked.supervised)
@@ -104,31 +91,27 @@ def test_reference_supervision_asks_only_rays_of_masked_views_for_their_weights(
     assert not masked.weights[~masked.supervised].any()
 
 
-def test_a_black_background_is_learned(job, field, palettes, segmentation, scene):
-    surface, opacity = scene
-    rays, kept = rays_of(job, field, surface, palettes, opacity), load_surface(job.project.surface_file)[0]
+def test_background_is_learned_as_black(scene):
+    surface, opacity = whole_scene(scene.job, scene.field, scene.segmentation)
+    rays = rays_of(scene.job, scene.field, surface, scene.palettes, opacity)
     is_behind = surface.object == BACKGROUND
-    assert len(rays.colors) == len(surface.colors) and (~is_behind).sum() == len(kept.colors)
+    assert len(rays.colors) == len(surface.colors) and (~is_behind).sum() == len(scene.surface.colors)
     assert (rays.weights[is_behind, 0] == 1).all() and not rays.weights[is_behind, 1:].any()
     assert not rays.colors[is_behind].any() and torch.equal(rays.opacity, opacity)
-    settings = RecoloringSettings(iterations=60, batch=512, width=16)
-    karf = RecoloringField(segmentation.bounds, field.n_features, [len(p.colors) for p in palettes], settings)
-    fit(karf, field, rays, palettes, settings)
+    karf = fit(scene, rays, RecoloringSettings(iterations=60, batch=512, width=16))
     with torch.no_grad():
         middle = rays.positions[:, rays.positions.shape[1] // 2]
-        black = karf(middle, rays.viewdirs, field.features(middle))[..., 0]
+        black = karf(middle, rays.viewdirs, scene.field.features(middle))[..., 0]
     assert black[is_behind & (opacity > 0.9)].median() > 0.9 > 0.5 > black[surface.object < BACKGROUND].median()
 
 
-def test_weights_of_rays_that_are_not_asked_teach_nothing(job, field, palettes, segmentation):
-    rays = rays_with(job, field, palettes)
+def test_unsupervised_weights_do_not_affect_learning(scene):
+    rays = rays_with(scene)
     some = torch.arange(len(rays.colors)) % 3 == 0
     settings = RecoloringSettings(iterations=5, batch=128, width=8, weight_loss=1.0)
 
     def learned_with(weights):
-        torch.manual_seed(0)
-        karf = RecoloringField(segmentation.bounds, field.n_features, [len(p.colors) for p in palettes], settings)
-        fit(karf, field, replace(rays, weights=weights, supervised=some), palettes, settings)
+        karf = fit(scene, replace(rays, weights=weights, supervised=some), settings)
         return torch.cat([parameter.detach().ravel() for parameter in karf.parameters()])
 
     reversed_weights = rays.weights.flip(1)
@@ -138,27 +121,21 @@ def test_weights_of_rays_that_are_not_asked_teach_nothing(job, field, palettes, 
 
 
 @pytest.mark.parametrize(("schedule", "highest", "lowest"), [("constant", 1.0, 1.0), ("cosine", 0.7, 0.02)])
-def test_the_rate_is_constant_or_warms_up_and_falls(
-    job, field, palettes, segmentation, monkeypatch, schedule, highest, lowest
-):
+def test_learning_rate_is_constant_or_warms_up_and_falls(scene, monkeypatch, schedule, highest, lowest):
     factors = []
 
-    def note(training_state, until, step, factor, progress, checkpoint):
+    def record_factors(training_state, until, step, factor, progress, checkpoint):
         factors.extend(factor(i, training_state.iterations) for i in range(until + 1))
 
-    monkeypatch.setattr("karf_engine.heads.fit.train", note)
-    settings = RecoloringSettings(iterations=60, schedule=schedule)
-    karf = RecoloringField(segmentation.bounds, field.n_features, [4, 4], settings)
-    fit(karf, field, rays_with(job, field, palettes), palettes, settings)
+    monkeypatch.setattr("karf_engine.heads.fit.train", record_factors)
+    fit(scene, rays_with(scene), RecoloringSettings(iterations=60, schedule=schedule))
     assert max(factors) == pytest.approx(highest, abs=0.1) and min(factors[20:]) == pytest.approx(lowest)
     assert (factors[0] < 0.1) == (schedule == "cosine")
 
 
-def test_loco_targets_give_the_colors_back_but_depend_on_the_place(job, field, palettes):
-    star = rays_with(job, field, palettes)
-    loco = rays_with(job, field, palettes, "recoloring.targets=loco")
-    stacked = torch.from_numpy(stack_palettes([p.name for p in palettes], {p.name: p.colors for p in palettes}))
-    mixed = torch.einsum("nm,nmc->nc", loco.weights, stacked[loco.block])
+def test_loco_targets_reproduce_colors_but_depend_on_position(scene):
+    star, loco = rays_with(scene), rays_with(scene, "recoloring.targets=loco")
+    mixed = torch.einsum("nm,nmc->nc", loco.weights, stacked_palettes(scene)[loco.block])
     assert float((mixed - loco.colors).square().sum(1).mean().sqrt()) < 5 / 255
     assert float(loco.weights.min()) >= 0 and torch.allclose(loco.weights.sum(1), torch.ones(len(mixed)), atol=1e-5)
     assert torch.equal(loco.colors, star.colors)

@@ -1,4 +1,4 @@
-"""Colorways times views, through the command line: named pictures, a table before and after, and going on."""
+"""The command `colorways`: pictures of every colorway in every view, tables, resuming and planning."""
 
 import csv
 import shutil
@@ -24,10 +24,9 @@ Green,block,,70 10 60
 Violet,ball,,60 90 -90
 Grey / matt,block,#808080,
 """
-FOLDERS = ["Green", "Grey _ matt", "Violet"]
 
 
-def sheet_of(folder, text=SHEET):
+def write_sheet(folder, text=SHEET):
     path = folder / "sheet.csv"
     path.write_text(text)
     return path
@@ -35,7 +34,7 @@ def sheet_of(folder, text=SHEET):
 
 @pytest.fixture
 def sheet(tmp_path):
-    return sheet_of(tmp_path)
+    return write_sheet(tmp_path)
 
 
 def run(project, sheet, out, *more, views="test"):
@@ -48,7 +47,7 @@ def run(project, sheet, out, *more, views="test"):
 def rendered(learned, tmp_path_factory):
     """The sheet in the two held-out views."""
     folder = tmp_path_factory.mktemp("colorways")
-    return run(learned.project, sheet_of(folder), folder / "out")
+    return run(learned.project, write_sheet(folder), folder / "out")
 
 
 def rows_of(path):
@@ -64,7 +63,7 @@ def times(out):
     return {str(path.relative_to(out)): path.stat().st_mtime_ns for path in out.rglob("test_*.png")}
 
 
-def test_the_table_is_there_before_anything_is_rendered(learned, sheet, tmp_path, capsys):
+def test_predict_only_writes_just_the_table(learned, sheet, tmp_path, capsys):
     out = run(learned.project, sheet, tmp_path / "out", "--predict-only")
     assert [path.name for path in out.iterdir()] == ["colorways.csv"]
     rows = table(out)
@@ -74,8 +73,8 @@ def test_the_table_is_there_before_anything_is_rendered(learned, sheet, tmp_path
     assert "Violet, ball: cannot be reached, because no sRGB picture" in capsys.readouterr().err
 
 
-def test_every_colorway_is_a_folder_of_all_views_and_a_row_of_the_contact_sheet(rendered, model):
-    assert sorted(path.name for path in rendered.iterdir() if path.is_dir()) == FOLDERS
+def test_each_colorway_gets_a_folder_and_a_contact_sheet_row(rendered, model):
+    assert sorted(path.name for path in rendered.iterdir() if path.is_dir()) == ["Green", "Grey _ matt", "Violet"]
     for planned in plan_colorways(model.project, rendered.parent / "sheet.csv"):
         folder = rendered / planned.colorway.folder
         assert sorted(path.name for path in folder.iterdir()) == ["test_r_0.png", "test_r_1.png"]
@@ -85,42 +84,37 @@ def test_every_colorway_is_a_folder_of_all_views_and_a_row_of_the_contact_sheet(
     assert height > 3 * 192 and width > 2 * 192
 
 
-def test_what_is_measured_is_what_was_predicted_and_each_view_says_why_not_closer(rendered):
+def test_measured_colors_match_predictions_in_every_view(rendered):
     rows = rows_of(rendered / "views.csv")
-    assert [(row["colorway"], row["object"], row["view"]) for row in rows[:3]] == [
-        ("Green", "ball", "test_r_0"),
-        ("Green", "ball", "test_r_1"),
-        ("Green", "block", "test_r_0"),
-    ]
-    assert len(rows) == 4 * 2
+    first = [" ".join((row["colorway"], row["object"], row["view"])) for row in rows[:3]]
+    assert first == ["Green ball test_r_0", "Green ball test_r_1", "Green block test_r_0"] and len(rows) == 4 * 2
     for key, row in table(rendered).items():
-        # the objects of this hasty project are at most nine tenths sure
+        # object probabilities of this quickly learned project are at most 0.9
         assert abs(float(row["reached_ciede2000"]) - float(row["predicted_ciede2000"])) < 5
         own = [each for each in rows if (each["colorway"], each["object"]) == key]
         assert int(row["views"]) == 2 and sum(int(each["pixels"]) for each in own) == int(row["pixels"]) > 5
         for each in own:
-            is_missed = float(each["reached_ciede2000"]) > 2
-            assert bool(each["cannot_be_reached_because"]) == is_missed
+            assert bool(each["cannot_be_reached_because"]) == (float(each["reached_ciede2000"]) > 2)
             assert key[0] != "Violet" or "no sRGB picture" in each["cannot_be_reached_because"]
 
 
-def test_finished_pictures_are_kept_and_a_changed_color_is_made_anew(rendered, learned, tmp_path):
+def test_resume_keeps_finished_pictures_and_redoes_changed_colors(rendered, learned, tmp_path):
     out = shutil.copytree(rendered, tmp_path / "out")
-    sheet, before = sheet_of(tmp_path, SHEET.replace("#808080", "#707070")), times(out)
+    sheet, before = write_sheet(tmp_path, SHEET.replace("#808080", "#707070")), times(out)
     (out / "Green" / "test_r_1.png").unlink()
     (out / "Violet" / "test_r_0.png").write_bytes(b"cut off")
     asked = iter(range(3))
-    with pytest.raises(Cancelled):  # a cancelled job is gone on with
-        options = {"views": "test", "threads": 1, "device": "cpu"}
+    options = {"views": "test", "threads": 1, "device": "cpu"}
+    with pytest.raises(Cancelled):
         karf.colorways(learned.project, sheet, out, **options, should_stop=lambda: next(asked, None) is None)
     run(learned.project, sheet, out)
-    anew = {path for path, time in times(out).items() if before[path] != time}
+    rendered_again = {path for path, time in times(out).items() if before[path] != time}
     changed = {f"Grey _ matt/test_r_{number}.png" for number in range(2)}
-    assert anew == changed | {"Green/test_r_1.png", "Violet/test_r_0.png"}
+    assert rendered_again == changed | {"Green/test_r_1.png", "Violet/test_r_0.png"}
     assert table(out)["Green", "ball"]["views"] == "2"
 
 
-def test_an_edit_is_a_colorway_too_whatever_is_locked(model, learned, tmp_path):
+def test_edit_file_is_a_colorway_regardless_of_locks(model, learned, tmp_path):
     edit = model.edit()
     for colors in edit.colors.values():
         colors[1:] = 0.3
@@ -135,25 +129,23 @@ def test_an_edit_is_a_colorway_too_whatever_is_locked(model, learned, tmp_path):
     assert (out / "contact_sheet.png").exists()
 
 
-def test_with_a_gray_card_wanted_and_reached_are_told_under_daylight(learned, tmp_path):
+def test_card_reports_colors_under_daylight(learned, tmp_path):
     card, brown = "#a08060", "#806050"
-    sheet = sheet_of(tmp_path, f"colorway,object,hex\nBrown,block,{brown}\n")
+    sheet = write_sheet(tmp_path, f"colorway,object,hex\nBrown,block,{brown}\n")
     out = run(learned.project, sheet, tmp_path / "out", "--card", card)
     row, light = table(out)["Brown", "block"], ReferenceLight.of_card(hex_to_rgb(card))
-    seen = read_photo(out / "Brown" / "test_r_0.png")
     assert row["wanted"] == brown and {each["wanted"] for each in rows_of(out / "views.csv")} == {brown}
-    shown = light.photographed(hex_to_rgb(row["reached"]))
-    assert np.abs(seen - shown).max(-1).min() < 8 / 255  # a pixel of the picture, which is under the photos' light
+    difference = read_photo(out / "Brown" / "test_r_0.png") - light.photographed(hex_to_rgb(row["reached"]))
+    assert np.abs(difference).max(-1).min() < 8 / 255  # of some pixel, under the photos' light
     for column in ("predicted", "reached"):
         left = ciede2000(srgb_to_lab(hex_to_rgb(row[column])), srgb_to_lab(hex_to_rgb(brown)))
         assert float(row[f"{column}_ciede2000"]) == pytest.approx(left, abs=0.6)  # of colors rounded to 8 bits
 
 
-def test_colorways_have_the_edges_of_an_edit_in_photos_and_new_cameras(model, learned, sheet, tmp_path):
+def test_colorways_use_the_edges_of_an_edit(model, learned, sheet, tmp_path):
     edged = model.edit().edge("ball", choke=3, feather=4)
     write_edit(tmp_path / "edges.json", edged)
-    edges = ("--edges", tmp_path / "edges.json")
-    out = run(learned.project, sheet, tmp_path / "out", *edges, views="test_r_0")
+    out = run(learned.project, sheet, tmp_path / "out", "--edges", tmp_path / "edges.json", views="test_r_0")
     cameras = run(learned.project, sheet, tmp_path / "cameras", views=cameras_file(tmp_path / "path.json", 2, 24))
     assert sorted(path.name for path in (cameras / "Green").iterdir()) == ["frame_0.png", "frame_1.png"]
     plain = {plan.colorway.name: plan.edit for plan in plan_colorways(model.project, sheet)}["Green"]
@@ -162,16 +154,15 @@ def test_colorways_have_the_edges_of_an_edit_in_photos_and_new_cameras(model, le
     assert np.abs(written - model.recolor(view, plain)).max() > 0.1
 
 
-# ------------------------------------------------------------------------------------------------------------- planning
-def test_a_plan_needs_no_tensors_keeps_locked_swatches_and_names_what_is_unknown(copy, model, sheet, tmp_path):
+def test_plan_needs_no_tensors_keeps_locks_and_names_unknown_objects(copy, model, sheet, tmp_path):
     for path in copy.folder.rglob("*.safetensors"):
         path.unlink()
     free, _, _ = plan_colorways(copy, sheet)
     kept, _, _ = plan_colorways(copy, sheet, {"ball": [1]})
-    learned_colors = model.edit().colors["ball"]
-    assert np.array_equal(kept.edit.colors["ball"][1], learned_colors[1])
-    assert not np.array_equal(free.edit.colors["ball"][1], learned_colors[1])
+    learned_color = model.edit().colors["ball"][1]
+    assert np.array_equal(kept.edit.colors["ball"][1], learned_color)
+    assert not np.array_equal(free.edit.colors["ball"][1], learned_color)
     with pytest.raises(BadRequest, match="no swatch 9 of 'ball'"):
         plan_colorways(copy, sheet, {"ball": [9]})
     with pytest.raises(DataError, match=r"line 3: there is no object 'lid'.*ball, block"):
-        plan_colorways(Project(copy.folder), sheet_of(tmp_path, SHEET.replace("block,,70", "lid,,70")))
+        plan_colorways(Project(copy.folder), write_sheet(tmp_path, SHEET.replace("block,,70", "lid,,70")))

@@ -1,4 +1,4 @@
-"""A project is never changed by a job that does not finish, and a plain rerun mends what was damaged."""
+"""An unfinished job never changes a project, and a rerun resumes it or repairs damage."""
 
 import json
 import os
@@ -7,9 +7,8 @@ import shutil
 import pytest
 import torch
 
-from blender_tests.engine.commands.conftest import Events, geometry_command
+from blender_tests.engine.commands.conftest import Events, geometry_command, run, stages_run
 from blender_tests.engine.conftest import QUICK
-from karf_engine.cli import main
 from karf_engine.commands.dispatch import run_command
 from karf_engine.commands.options import LearnOptions, SegmentationOptions
 from karf_engine.compute.progress import Progress
@@ -19,15 +18,9 @@ from karf_engine.project import STAGE_ORDER, STAGE_VERSIONS, Project
 from karf_engine.project.locking import write_lock
 from karf_engine.project.state import without_stage, write_state
 
-FEW = (
-    'geometry.levels=[{"voxels": 16, "iterations": 60, "step": 1.0}, {"voxels": 20, "iterations": 60, "step": 1.0}]',
-    "geometry.samples=4000",
-    "geometry.max_rays=512",
-)
-
 
 def contents(project):
-    """The files of a project but for locks, previews and caches; outputs of stages as `<stage>/<file>`."""
+    """The files of a project except locks, previews and caches; outputs of stages as `<stage>/<file>`."""
     stages = project.state()["stages"]
     files = {f"{stage}/{name}": project.output(name, stage) for stage in stages for name in stages[stage]["files"]}
     files["project.json"] = project.state_file
@@ -36,7 +29,7 @@ def contents(project):
 
 
 def learned_contents(project):
-    """The contents, but not what another run in another folder rightly changes: seconds, and the way to the photos."""
+    """The contents except what a run in another folder may change: seconds and relative paths to the photos."""
     found = contents(project)
     del found["project.json"]
     capture = json.loads(found["geometry/capture.json"])
@@ -46,51 +39,38 @@ def learned_contents(project):
 
 
 def render(project, out, *more):
-    return main(["render", str(project.folder), "--views", "test", "--out", str(out), "--threads", "1", *more])
+    return run("render", project.folder, "--views", "test", "--out", out, "--threads", 1, *more)
 
 
-def stages_run(printed):
-    return [stage for stage in STAGE_ORDER if f"{stage}: already done" not in printed]
-
-
-# ----------------------------------------------------------------------------------------------------------- cancelling
 @pytest.mark.parametrize("change", ["seed=7", "segmentation.width=8"])
-def test_a_cancelled_job_leaves_the_project_as_it_was(still_life, copy, change):
+def test_cancelled_job_leaves_the_project_unchanged(still_life, copy, change):
     before, steps = contents(copy), iter(range(5))
-    options = {"capture": str(still_life.capture), "masks": str(still_life.masks), "overrides": [*QUICK, change]}
+    inputs = {"capture": str(still_life.capture), "masks": str(still_life.masks)}
+    options = LearnOptions.of(project=copy.folder, threads=1, overrides=[*QUICK, change], **inputs)
     with pytest.raises(Cancelled):
-        learning = LearnOptions.of(project=copy.folder, threads=1, **options)
-        run_command(learning, Events(), lambda: next(steps, None) is None)
+        run_command(options, Events(), lambda: next(steps, None) is None)
     after = contents(copy)
-    if change.startswith("segmentation"):  # it knows what was asked for of stages to come
+    if change.startswith("segmentation"):  # settings of later stages are stored first
         assert after.pop("project.json") != before.pop("project.json")
     assert after == before and all(copy.finished(stage) for stage in STAGE_ORDER)
 
 
-def test_masks_of_a_cancelled_segmentation_are_not_kept_and_earlier_ones_are_set_aside(still_life, copy, tmp_path):
+def test_only_finished_segmentation_replaces_masks(still_life, copy, tmp_path):
     masks = shutil.copytree(still_life.masks, tmp_path / "masks")
     shutil.copy(masks / "ball" / "r_0.png", masks / "block" / "r_0.png")
     before, events = contents(copy), Events()
+    options = SegmentationOptions.of(project=copy.folder, masks=str(masks), threads=1)
     with pytest.raises(Cancelled):
-        options = SegmentationOptions.of(project=copy.folder, masks=str(masks), threads=1)
         run_command(options, events, lambda: "segmentation" in events.values("progress", "stage"))
     assert contents(copy) == before
     shutil.rmtree(masks / "block")
-    assert main(["segmentation", str(copy.folder), "--masks", str(masks), "--threads", "1"]) == 0
+    assert run("segmentation", copy.folder, "--masks", masks, "--threads", 1) == 0
     assert {path.name for path in copy.masks_folder.iterdir()} == {"ball"}
     assert {path.name for path in (copy.folder / "earlier_masks").iterdir()} == {"ball", "block"}
 
 
-# ------------------------------------------------------------------------------------------------------------- resuming
-def is_same_file(first, second):
-    """Whether both hold the same tensors and facts."""
-    schema = f"karf-{first.stem}/1"
-    (a, facts), (b, other) = load_tensors(first, schema), load_tensors(second, schema)
-    return facts == other and a.keys() == b.keys() and all(torch.equal(a[name], b[name]) for name in a)
-
-
 @pytest.mark.parametrize("stage", ["segmentation", "recoloring"])
-def test_a_cancelled_head_resumes_to_the_same_file(copy, learned, stage, monkeypatch, capsys):
+def test_cancelled_head_resumes_to_the_same_file(copy, learned, stage, monkeypatch, capsys):
     write_state(copy.state_file, without_stage(copy.state(), stage))
     count, steps = Progress.step, []
 
@@ -100,41 +80,46 @@ def test_a_cancelled_head_resumes_to_the_same_file(copy, learned, stage, monkeyp
         if len(steps) > 25:
             raise Cancelled("The test wants it.")
 
-    masks = ["--masks", str(copy.masks_folder)] if stage == "segmentation" else []
-    command = [stage, str(copy.folder), *masks, "--threads", "1"]
+    masks = ("--masks", copy.masks_folder) if stage == "segmentation" else ()
+    command = (stage, copy.folder, *masks, "--threads", 1)
     with monkeypatch.context() as patch:
         patch.setattr(Progress, "step", cancel)
-        assert main(command) == Cancelled.exit_code
+        assert run(*command) == Cancelled.exit_code
     assert copy.checkpoint_file(stage).exists()
-    assert main(command) == 0
+    assert run(*command) == 0
     assert "resuming at iteration 26 of" in capsys.readouterr().err
-    assert is_same_file(*(each.output(f"{stage}.safetensors") for each in (Project(learned.project), copy)))
+    (a, facts), (b, other) = (
+        load_tensors(project.output(f"{stage}.safetensors"), f"karf-{stage}/1")
+        for project in (Project(learned.project), copy)
+    )
+    assert facts == other and a.keys() == b.keys() and all(torch.equal(a[name], b[name]) for name in a)
     assert not copy.checkpoint_file(stage).exists()
 
 
-def test_what_led_to_divergence_is_not_resumed(still_life, tmp_path, monkeypatch):
+def test_diverged_geometry_leaves_no_checkpoint(still_life, tmp_path, monkeypatch):
     def find_nothing(fit):
         assert Project(tmp_path).checkpoint_file("geometry").exists()
         raise Diverged("Nothing is solid.")
 
+    levels = 'geometry.levels=[{"voxels":16,"iterations":60,"step":1.0},{"voxels":20,"iterations":60,"step":1.0}]'
+    few = (levels, "geometry.samples=4000", "geometry.max_rays=512")
     monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
     monkeypatch.setattr("karf_engine.fields.voxels.fit.VoxelFit._pruned", find_nothing)
-    assert main(geometry_command(still_life, tmp_path, *FEW)) == Diverged.exit_code
+    assert run(*geometry_command(still_life, tmp_path, *few)) == Diverged.exit_code
     assert not Project(tmp_path).checkpoint_file("geometry").exists()
 
 
-# --------------------------------------------------------------------------------------------------------------- damage
 def flip_a_bit(path):
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
 
 
-SHOWN = ("geometry.safetensors", "capture.json", "segmentation.safetensors", "palette.json", "recoloring.safetensors")
+TENSORS = [f"{stage}.safetensors" for stage in ("geometry", "segmentation", "recoloring", "splats")]
 
 
-@pytest.mark.parametrize("name", [*SHOWN, "splats.safetensors"])
-def test_a_flipped_bit_is_noticed_before_anything_is_written(copy, tmp_path, capsys, name):
+@pytest.mark.parametrize("name", [*TENSORS, "capture.json", "palette.json"])
+def test_flipped_bit_is_rejected_before_writing(copy, tmp_path, capsys, name):
     flip_a_bit(copy.output(name))
     assert render(copy, tmp_path / "out") == 4
     assert f"{copy.output(name)} is damaged" in capsys.readouterr().err
@@ -142,49 +127,43 @@ def test_a_flipped_bit_is_noticed_before_anything_is_written(copy, tmp_path, cap
 
 
 @pytest.mark.parametrize(
-    ("names", "run"),
+    ("names", "stages"),
     [
-        (("capture.json",), STAGE_ORDER),
-        (("surface.safetensors",), STAGE_ORDER[1:4]),
-        (("recoloring.safetensors", "splats.safetensors"), STAGE_ORDER[3:]),
+        (["capture.json"], STAGE_ORDER),
+        (["surface.safetensors"], STAGE_ORDER[1:4]),
+        (["recoloring.safetensors", "splats.safetensors"], STAGE_ORDER[3:]),
     ],
 )
-def test_a_plain_rerun_mends_what_is_damaged_and_nothing_else(still_life, copy, capsys, names, run):
+def test_rerun_repairs_only_damaged_stages(still_life, copy, capsys, names, stages):
     before = learned_contents(copy)
     for name in names:
         flip_a_bit(copy.output(name))
-    assert main(still_life.command(copy.folder)) == 0
-    assert stages_run(capsys.readouterr().err) == list(run)
+    assert run(*still_life.command(copy.folder)) == 0
+    assert stages_run(capsys.readouterr().err) == list(stages)
     assert learned_contents(copy) == before
 
 
-# --------------------------------------------------------------------------------------------------------- fingerprints
-def test_a_stage_whose_code_gives_another_result_runs_again(still_life, copy, capsys, monkeypatch):
+def test_new_stage_version_runs_the_stage_again(still_life, copy, capsys, monkeypatch):
     monkeypatch.setitem(STAGE_VERSIONS, "palette", STAGE_VERSIONS["palette"] + 1)
-    assert main(still_life.command(copy.folder)) == 0
+    assert run(*still_life.command(copy.folder)) == 0
     assert stages_run(capsys.readouterr().err) == ["palette", "recoloring"]
 
 
-def test_photos_count_by_what_they_show_and_not_by_their_time(still_life, copy, capsys):
+def test_photos_are_compared_by_content_and_not_by_time(still_life, copy, capsys):
     photo, other, *_ = (still_life.capture / "train").iterdir()
     kept, stamp = photo.read_bytes(), photo.stat()
     try:
-        for content, time, is_done in (
-            (kept, stamp.st_mtime_ns + 1, True),
-            (other.read_bytes(), stamp.st_mtime_ns, False),
-        ):
+        for content, later, is_done in ((kept, 1, True), (other.read_bytes(), 0, False)):
             photo.write_bytes(content)
-            os.utime(photo, ns=(stamp.st_atime_ns, time))
-            assert main(geometry_command(still_life, copy.folder)) == 0
+            os.utime(photo, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + later))
+            assert run(*geometry_command(still_life, copy.folder)) == 0
             assert ("geometry: already done" in capsys.readouterr().err) == is_done
     finally:
         photo.write_bytes(kept)
         os.utime(photo, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
 
 
-# -------------------------------------------------------------------------------------------------------------- reading
-def test_a_project_that_is_being_learned_anew_can_be_rendered(copy, tmp_path):
+def test_locked_project_can_be_rendered_without_planes(copy, tmp_path):
     with write_lock(copy):
         assert render(copy, tmp_path / "out") == 0 and len(list((tmp_path / "out" / "render").iterdir())) == 2
-        # planes belong to the project: they wait for the job's end
-        assert render(copy, tmp_path, "--planes") == 2
+        assert render(copy, tmp_path, "--planes") == 2  # which are written into the project

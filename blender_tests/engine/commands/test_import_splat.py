@@ -1,4 +1,4 @@
-"""A splat of another program becomes a capture: with photos, or with views of itself; it is shown as it came."""
+"""Import of another program's splat as a capture, with photos or with rendered views of it."""
 
 import json
 import shutil
@@ -41,7 +41,7 @@ def splat(tmp_path, table):
 
 @pytest.fixture
 def imported(tmp_path, splat):
-    """Import the splat, or another; the capture and the sentences of the warnings by their codes."""
+    """Import a splat; returns the capture and the warnings' sentences by their codes."""
 
     def imported(source=splat, name="capture", **options):
         events = Events()
@@ -52,7 +52,7 @@ def imported(tmp_path, splat):
     return imported
 
 
-def test_without_photos_its_views_show_it_from_around(imported, splat, table):
+def test_import_without_photos_renders_views_from_around(imported, splat, table):
     capture, _ = imported(**SMALL)
     assert len(capture.views) == 6 and capture.warnings == ()
     assert capture.splats.path.read_bytes() == splat.read_bytes()
@@ -62,25 +62,24 @@ def test_without_photos_its_views_show_it_from_around(imported, splat, table):
         pixels, depth = view.camera.project(middle[None])
         assert depth > 0 and np.abs(pixels - 32).max() < 32
         assert read_photo(view.image).std() > 0.02, f"{view.name} shows nothing"
-    photo = read_photo(capture.views[0].image)  # what stands in the void has alpha
+    photo = read_photo(capture.views[0].image)  # with alpha, as nothing is behind the splat
     assert photo.shape[2] == 4 and photo[0, 0, 3] == 0 and photo[..., 3].max() == 1
 
 
 @pytest.mark.parametrize("name", ["still.gltf", "still.glb", "still.spz", "still.compressed.ply"])
-def test_other_kinds_of_files_are_imported_whole(imported, table, tmp_path, name):
-    """A .gltf consists of two files; the capture keeps the contents of both."""
+def test_other_formats_are_imported_whole(imported, table, tmp_path, name):
+    """Also a .gltf, which consists of two files."""
     write_splats(tmp_path / "theirs" / name, SplatFile(table))
     capture, _ = imported(tmp_path / "theirs" / name, **SMALL)
     shutil.rmtree(tmp_path / "theirs")
     assert len(read_splats(capture.splats.path)) == len(table)
 
 
-def color_over_black(view):
-    photo = read_photo(view.image)
-    return alpha_composite(photo[..., :3], photo[..., 3] if photo.shape[2] == 4 else None, 0)
+def test_given_cameras_come_first(imported, tmp_path, still_life):
+    def color_over_black(view):
+        photo = read_photo(view.image)
+        return alpha_composite(photo[..., :3], photo[..., 3] if photo.shape[2] == 4 else None, 0)
 
-
-def test_views_of_ones_own_come_first(imported, tmp_path, still_life):
     own = karf.open_capture(still_life.capture).views[:2]
     write_cameras(tmp_path / "own.json", own)
     views = imported(**SMALL, cameras=tmp_path / "own.json")[0].views
@@ -89,7 +88,7 @@ def test_views_of_ones_own_come_first(imported, tmp_path, still_life):
     assert psnr(color_over_black(views[0]), color_over_black(own[0])) > 20
 
 
-def test_the_cameras_that_were_written_beside_it_are_taken(imported, tmp_path):
+def test_cameras_json_beside_the_splat_is_used(imported, tmp_path):
     entry = {"width": 128, "height": 64, "fx": 100, "fy": 100, "rotation": np.diag([1.0, -1, -1]).tolist()}
     content = [entry | {"position": [0, 0, 4 + number / 10]} for number in range(9)]
     (tmp_path / "cameras.json").write_text(json.dumps(content))
@@ -99,15 +98,13 @@ def test_the_cameras_that_were_written_beside_it_are_taken(imported, tmp_path):
 
 
 @pytest.mark.parametrize("content", ['{"frames": []}', "[]", "[1]", "{"])
-def test_a_cameras_json_of_something_else_is_told_of_and_passed_over(imported, tmp_path, content):
+def test_unusable_cameras_json_gives_a_warning(imported, tmp_path, content):
     (tmp_path / "cameras.json").write_text(content)
     capture, warnings = imported(**SMALL)
     assert "cameras.json" in warnings["cameras"] and len(capture.views) == 6
 
 
-def test_photos_that_lie_around_it_are_told_of_and_views_that_were_made_of_it_are_not(
-    imported, tmp_path, table, still_life
-):
+def test_nearby_photos_give_a_warning(imported, tmp_path, table, still_life):
     folder = tmp_path / "scene"
     shutil.copytree(still_life.capture, folder)
     write_splats(folder / "splats" / "still.ply", SplatFile(table))
@@ -117,7 +114,7 @@ def test_photos_that_lie_around_it_are_told_of_and_views_that_were_made_of_it_ar
     assert "photos" not in imported(folder / "splats" / "still.ply", "with photos", photos=folder)[1]
 
 
-def test_with_photos_they_are_the_views(imported, tmp_path, still_life):
+def test_given_photos_are_the_views(imported, tmp_path, still_life):
     before, (after, _) = open_capture(still_life.capture), imported(photos=still_life.capture)
     assert [view.image.resolve() for view in after.views] == [view.image.resolve() for view in before.views]
     assert [view.split for view in after.views] == [view.split for view in before.views]
@@ -125,22 +122,20 @@ def test_with_photos_they_are_the_views(imported, tmp_path, still_life):
 
 
 @pytest.mark.parametrize("is_antialiased", [True, False])
-@pytest.mark.parametrize(("better", "told"), [(0.3, None), (-0.3, None), (2.0, True), (-2.0, False)])
-def test_photos_tell_the_screen_filter_only_where_they_clearly_do(
-    imported, table, tmp_path, still_life, monkeypatch, is_antialiased, better, told
+@pytest.mark.parametrize(("better", "chosen"), [(0.3, None), (-0.3, None), (2.0, True), (-2.0, False)])
+def test_photos_choose_the_screen_filter_if_clear(
+    imported, table, tmp_path, still_life, monkeypatch, is_antialiased, better, chosen
 ):
-    """better: how many dB better the antialiased filter shows the photos."""
-    write_splats(tmp_path / "told.ply", SplatFile(table, is_antialiased))
+    """better: by how many dB the antialiased filter shows the photos better; chosen: None keeps that of the file."""
+    write_splats(tmp_path / "filtered.ply", SplatFile(table, is_antialiased))
     quality = {ANTIALIASED_FILTER: 30 + better, PLAIN_FILTER: 30}
     monkeypatch.setattr(fit, "psnr", lambda gaussians, photos: quality[gaussians.screen_filter])
-    capture, _ = imported(tmp_path / "told.ply", photos=still_life.capture)
-    assert capture.splats.is_antialiased is (is_antialiased if told is None else told)
+    capture, _ = imported(tmp_path / "filtered.ply", photos=still_life.capture)
+    assert capture.splats.is_antialiased is (is_antialiased if chosen is None else chosen)
 
 
 @pytest.mark.parametrize(("antialiased", "screen_filter"), [(False, PLAIN_FILTER), (True, ANTIALIASED_FILTER)])
-def test_learned_it_is_shown_as_it_came_and_anew_once_the_file_is_another(
-    imported, table, tmp_path, antialiased, screen_filter
-):
+def test_learned_splats_equal_the_file_and_follow_its_changes(imported, table, tmp_path, antialiased, screen_filter):
     capture, _ = imported(**SMALL, antialiased=antialiased)
     project = Project(tmp_path / "project")
     karf.learn_geometry(tmp_path / "capture", project=project.folder, overrides=TINY, threads=1)
@@ -158,8 +153,7 @@ def test_learned_it_is_shown_as_it_came_and_anew_once_the_file_is_another(
     assert_array_equal(load_gaussians(project.splats_file).table, changed)
 
 
-# ------------------------------------------------------------------------------------------------------ what is refused
-def test_photos_that_it_does_not_show_are_refused(imported, tmp_path, still_life, table):
+def test_photos_of_another_scene_are_rejected(imported, tmp_path, still_life, table):
     elsewhere = table.copy()
     elsewhere[:, :3] += 5
     write_splats(tmp_path / "elsewhere.ply", SplatFile(elsewhere))
@@ -168,28 +162,25 @@ def test_photos_that_it_does_not_show_are_refused(imported, tmp_path, still_life
     assert "poses" in caught.value.hint and not (tmp_path / "capture").exists()
 
 
-REFUSED = {
-    **{
-        name: (BadRequest, {name: value}, f"With photos.*'{name}'")
-        for name, value in (("views", 5), ("size", 100), ("up", "y"), ("cameras", "own.json"))
-    },
+ONLY_WITHOUT_PHOTOS = {"views": 5, "size": 100, "up": "y", "cameras": "own.json"}
+REJECTED = {
+    **{name: (BadRequest, {name: value}, f"With photos.*'{name}'") for name, value in ONLY_WITHOUT_PHOTOS.items()},
     **{f"{views} views": (BadRequest, SMALL | {"views": views}, "views are too few") for views in range(3)},
     "missing": (DataError, SMALL | {"source": "gone.ply"}, r"gone\.ply"),
     "cancelled": (Cancelled, SMALL | {"should_stop": lambda: True}, ""),
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_is_refused_leaves_nothing(imported, splat, tmp_path, still_life, case):
-    error, options, says = REFUSED[case]
-    source = tmp_path / options.get("source", splat.name)
-    photos = {"photos": still_life.capture} if says.startswith("With photos") else {}
-    with pytest.raises(error, match=says or None):
-        imported(source, **photos | {name: value for name, value in options.items() if name != "source"})
+@pytest.mark.parametrize("case", REJECTED)
+def test_rejected_import_leaves_nothing(imported, splat, tmp_path, still_life, case):
+    error, options, message = REJECTED[case]
+    options = options | ({"photos": still_life.capture} if case in ONLY_WITHOUT_PHOTOS else {})
+    with pytest.raises(error, match=message or None):
+        imported(**options | {"source": tmp_path / options.get("source", splat.name)})
     assert sorted(path.name for path in tmp_path.iterdir()) == ["still.ply"]
 
 
-def test_a_folder_that_holds_something_is_not_written_to(imported, tmp_path):
+def test_nonempty_folder_is_not_written_to(imported, tmp_path):
     (tmp_path / "capture").mkdir()
     (tmp_path / "capture" / "mine.txt").write_text("x")
     with pytest.raises(BadRequest, match="not empty"):

@@ -1,4 +1,4 @@
-"""Cameras that see nothing, and marks of nothing: pictures of what is behind the scene, or one sentence."""
+"""Cameras that see nothing render the background, and masks of nothing give a warning or an error."""
 
 import shutil
 from dataclasses import replace
@@ -24,7 +24,7 @@ from karf_engine.project.state import without_stage, write_state
 
 
 def turned_away(distance=400.0):
-    """A camera outside of the still life that turns its back to it."""
+    """A camera outside of the still life that looks away from it."""
     camera = camera_at(0.3, 0.5, 8, distance)
     pose = camera.camera_to_world.copy()
     pose[:3, [0, 2]] *= -1
@@ -33,13 +33,12 @@ def turned_away(distance=400.0):
 
 CAMERAS = {
     "looks away": turned_away(),
-    "stands amid it": camera_at(0.3, 0.5, 8, 1e-3),
-    "stands beside it and looks away": turned_away(2.0),
-    "is one pixel and looks away": Camera(1, 1, 9.0, 9.0, 0.5, 0.5, turned_away().camera_to_world),
+    "is inside": camera_at(0.3, 0.5, 8, 1e-3),
+    "is near and looks away": turned_away(2.0),
+    "has one pixel and looks away": Camera(1, 1, 9.0, 9.0, 0.5, 0.5, turned_away().camera_to_world),
 }
 
 
-# -------------------------------------------------------------------------------------------------- cameras, one by one
 def voxels(space, filled):
     occupied = torch.zeros(6, 6, 6, dtype=torch.bool)
     occupied[2:4, 2:4, 2:4] = True
@@ -85,32 +84,30 @@ def test_every_camera_renders_every_space(make, filled, camera):
     assert planes.shape == (len(picture.cache), 2, 3) and torch.isfinite(planes).all()
 
 
-# ---------------------------------------------------------------------------------------------------- a learned project
-@pytest.mark.parametrize("known", ["geometry", "segmentation", "recoloring"])
-def test_a_camera_that_sees_nothing_ends_no_render(copy, tmp_path, known):
+@pytest.mark.parametrize("last_stage", ["geometry", "segmentation", "recoloring"])
+def test_camera_that_sees_nothing_does_not_end_a_render(copy, tmp_path, last_stage):
     later = {"geometry": "segmentation", "segmentation": "palette"}
-    if known in later:
-        splats, state = copy.finished("splats"), without_stage(copy.state(), later[known])
+    if last_stage in later:
+        splats, state = copy.finished("splats"), without_stage(copy.state(), later[last_stage])
         write_state(copy.state_file, state | {"stages": state["stages"] | {"splats": splats}})
     views = [View(f"f{n}", f"f{n}", camera, None, "test") for n, camera in enumerate(CAMERAS.values())]
     write_cameras(tmp_path / "cameras.json", [*views, View("last", "last", camera_at(0.3, 0.5, 8), None, "test")])
     options = ["--views", tmp_path / "cameras.json", "--depth", "--out", tmp_path / "out", "--threads", 1]
-    if known == "recoloring":
+    if last_stage == "recoloring":
         edit = tmp_path / "edit.json"
         assert run("match", copy.folder, "--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", edit) == 0
         options += ["--edit", edit, "--planes"]
     assert run("render", copy.folder, *options) == 0
-    kind = "recolor" if known == "recoloring" else "render"
+    kind = "recolor" if last_stage == "recoloring" else "render"
     away, last = (read_photo(tmp_path / "out" / kind / f"{name}.png") for name in ("f0", "last"))
     assert (away == 0).all() and last.max() > 0.2  # the scene stands before black
-    if known != "geometry":
+    if last_stage != "geometry":
         assert not read_mask(tmp_path / "out" / "masks" / "ball" / "f0.png").any()
 
 
-# --------------------------------------------------------------------------------------------- marks of hardly anything
 @pytest.fixture
-def beside(still_life, tmp_path):
-    """Masks of the still life, but of the ball only a pixel that shows nothing."""
+def misplaced(still_life, tmp_path):
+    """Masks of the still life, with one pixel of the void as the ball."""
     masks = shutil.copytree(still_life.masks, tmp_path / "masks")
     shutil.rmtree(masks / "ball")
     mask = np.zeros((32, 32), bool)
@@ -120,9 +117,9 @@ def beside(still_life, tmp_path):
 
 
 @pytest.mark.parametrize("labels", ["surface", "masks"])
-def test_a_mark_beside_everything_does_not_stop_the_other_objects(still_life, beside, copy, tmp_path, capsys, labels):
+def test_mask_of_nothing_leaves_other_objects_editable(still_life, misplaced, copy, tmp_path, capsys, labels):
     few = ("segmentation.iterations=40", "recoloring.iterations=10", f"segmentation.labels={labels}")
-    assert run(*replace(still_life, masks=beside).command(copy.folder, *few)) == 0
+    assert run(*replace(still_life, masks=misplaced).command(copy.folder, *few)) == 0
     printed = capsys.readouterr().err
     assert "Nothing in the scene belongs to 'ball': mark it more generously, or in another view." in printed
     assert "'ball' shows only 0 pixels in all views" in printed
@@ -136,7 +133,7 @@ def test_a_mark_beside_everything_does_not_stop_the_other_objects(still_life, be
     assert any(shown["block"]) and not any(shown["ball"])
 
 
-def test_marks_that_are_all_beside_everything_are_refused_in_a_sentence(beside, copy, capsys):
-    shutil.rmtree(beside / "block")
-    assert run("segmentation", copy.folder, "--masks", beside) == 4
+def test_masks_of_nothing_are_rejected(misplaced, copy, capsys):
+    shutil.rmtree(misplaced / "block")
+    assert run("segmentation", copy.folder, "--masks", misplaced) == 4
     assert "Nothing in the scene belongs to 'ball'." in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Captures from photos without poses: placed as the truth says, refused with a remedy, never half there."""
+"""Captures from photos without poses: correct cameras, rejected input, and no half-written results."""
 
 import shutil
 import sys
@@ -32,17 +32,8 @@ def run(photos, out, should_stop=lambda: False, **options):
     return events
 
 
-def linked(photos, folder):
-    """A folder of these photos."""
-    folder.mkdir()
-    for photo in photos:
-        shutil.copyfile(photo, folder / photo.name)
-    return folder
-
-
-def errors_of(found, truth):
-    """Rotation errors in degrees and position errors in shares of the camera path's radius, after the best similarity
-    (Umeyama 1991)."""
+def pose_errors(found, truth):
+    """Rotation errors in degrees and position errors relative to the camera path's radius, after Umeyama alignment."""
     true = [truth[view.stem] for view in found.views]
     here = np.array([view.camera.position for view in found.views])
     there = np.array([camera.position for camera in true])
@@ -58,8 +49,8 @@ def errors_of(found, truth):
     return np.degrees(np.arccos(np.clip(cosines, -1, 1))), distances / np.linalg.norm(there, axis=1).max()
 
 
-def noise(folder, count, size=128):
-    """Pictures that show nothing in common."""
+def write_noise(folder, count, size=128):
+    """Write pictures that show nothing in common."""
     folder.mkdir()
     random = np.random.default_rng(0)
     for number in range(count):
@@ -67,24 +58,25 @@ def noise(folder, count, size=128):
     return folder
 
 
-# -------------------------------------------------------------------------------------------------------------- results
-def test_small_smooth_photos_of_the_demo_are_placed_near_their_true_poses(tmp_path):
-    photos = linked(sorted((ROOT / "demo" / "train").glob("*.png"))[::2], tmp_path / "photos")
-    events = run(photos, tmp_path / "capture")
+def test_demo_photos_are_placed_near_their_true_poses(tmp_path):
+    (tmp_path / "photos").mkdir()
+    for photo in sorted((ROOT / "demo" / "train").glob("*.png"))[::2]:
+        shutil.copy(photo, tmp_path / "photos")
+    events = run(tmp_path / "photos", tmp_path / "capture")
     capture = open_capture(tmp_path / "capture")
     truth = {view.stem: view.camera for view in open_capture(ROOT / "demo").split("train")}
-    rotations, positions = errors_of(capture, truth)
+    rotations, positions = pose_errors(capture, truth)
     assert len(capture.views) >= 27 and np.mean(rotations) < 4 and np.mean(positions) < 0.06
     assert len(capture.points) > 100
     assert sorted(path.name for path in tmp_path.iterdir()) == ["capture", "photos"]
     assert sorted(path.name for path in (tmp_path / "capture").iterdir()) == ["images", "sparse"]
-    last = {values["stage"]: values for kind, values in events.told if kind == "progress"}
+    last = {values["stage"]: values for kind, values in events.recorded if kind == "progress"}
     assert list(last)[-3:] == ["features", "matching", "mapping"]
     assert all(values["step"] == values["total"] for values in last.values())
-    assert events.told[-1] == ("artifact", {"kind": "capture", "path": str(tmp_path / "capture")})
+    assert events.recorded[-1] == ("artifact", {"kind": "capture", "path": str(tmp_path / "capture")})
 
 
-def test_turned_photos_become_upright_copies_and_others_are_linked(tmp_path):
+def test_rotated_photos_are_copied_upright_and_others_linked(tmp_path):
     (tmp_path / "out").mkdir()
     pixels = np.random.default_rng(1).integers(0, 256, size=(16, 32, 3), dtype=np.uint8)
     exif = Image.Exif()
@@ -99,7 +91,6 @@ def test_turned_photos_become_upright_copies_and_others_are_linked(tmp_path):
     assert (tmp_path / "out" / "plain.png").samefile(tmp_path / "plain.png")
 
 
-# ---------------------------------------------------------------------------------------------------------------- video
 def write_video(path, count):
     """Write a film of a moving pattern; every fourth frame is sharp."""
     pattern = np.random.default_rng(2).integers(0, 256, size=(120, 400, 3), dtype=np.uint8)
@@ -112,7 +103,7 @@ def write_video(path, count):
     return pattern
 
 
-def test_the_sharpest_frame_of_every_stretch_is_taken_from_a_video(tmp_path, monkeypatch):
+def test_video_gives_its_sharpest_frames(tmp_path, monkeypatch):
     pattern = write_video(tmp_path / "film.mp4", 40)
     monkeypatch.setattr("karf_engine.capture.structure_from_motion.MOST_FRAMES", 10)
     names = write_sharpest_frames(tmp_path / "film.mp4", tmp_path / "frames", lambda: False)
@@ -122,89 +113,81 @@ def test_the_sharpest_frame_of_every_stretch_is_taken_from_a_video(tmp_path, mon
         assert np.abs(read_photo(tmp_path / "frames" / name) - sharp).mean() < 0.06
 
 
-# --------------------------------------------------------------------------------------------------------------- errors
-def test_photos_with_nothing_in_common_are_refused_with_a_remedy(tmp_path):
+def test_unrelated_photos_are_rejected_with_a_hint(tmp_path):
     with pytest.raises(DataError, match=r"Only 0 of the 5 photos of .*photos could be placed") as caught:
-        run(noise(tmp_path / "photos", 5), tmp_path / "capture")
+        run(write_noise(tmp_path / "photos", 5), tmp_path / "capture")
     assert "overlap" in caught.value.hint and "texture" in caught.value.hint
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]
 
 
 @pytest.mark.parametrize(
-    ("placed", "share", "words"),
+    ("placed", "share", "warning"),
     [
-        (30, 1.0, "30 of the 100 photos"),
-        (89, 1.0, "89 of the 100 photos"),
+        *((placed, 1.0, f"{placed} of the 100 photos") for placed in (30, 89)),
         (90, 1.0, None),
         (100, 0.63, "Only 63% of the matches"),
     ],
 )
-def test_photos_that_were_not_placed_and_matches_that_contradict_are_warned_of(events, placed, share, words):
+def test_unplaced_photos_or_bad_matches_give_a_warning(events, placed, share, warning):
     poses._judge(Path("p"), SfmResult(placed, share), 100, events)
-    assert [kind for kind, _ in events.told] == (["warning"] if words else [])
-    assert all(words in sentence for sentence in events.values("warning", "sentence"))
+    assert [kind for kind, _ in events.recorded] == (["warning"] if warning else [])
+    assert all(warning in sentence for sentence in events.values("warning", "sentence"))
 
 
-def test_too_few_placed_photos_are_refused(events):
+def test_too_few_placed_photos_are_rejected(events):
     with pytest.raises(DataError, match="Only 29 of the 100 photos of p could be placed"):
         poses._judge(Path("p"), SfmResult(29, 1.0), 100, events)
 
 
-def test_a_match_is_as_far_from_its_epipolar_line_as_it_was_moved():
+def test_sampson_error_is_the_shift_from_the_epipolar_line():
     random = np.random.default_rng(3)
     points = random.uniform(-1, 1, size=(200, 3)) + (0, 0, 5)
-    turn = np.eye(3, 4)
-    turn[:, 3] = (1, 0, 0)  # sideways: epipolar lines are the rows
-    first = points / points[:, 2:]
-    there = points + turn[:, 3]
-    second = there / there[:, 2:]
-    np.testing.assert_allclose(_sampson_errors(turn, first, second), 0, atol=1e-12)
-    moved = second + (0.2, 0.01, 0)
-    # Sampson's distance shares a movement between the two pictures
-    np.testing.assert_allclose(_sampson_errors(turn, first, moved), 0.01 / np.sqrt(2), rtol=1e-9)
+    motion = np.eye(3, 4)
+    motion[:, 3] = (1, 0, 0)  # sideways: epipolar lines are the rows
+    moved = points + motion[:, 3]
+    first, second = points / points[:, 2:], moved / moved[:, 2:]
+    np.testing.assert_allclose(_sampson_errors(motion, first, second), 0, atol=1e-12)
+    # Sampson's distance shares a shift between the two pictures
+    shifted = second + (0.2, 0.01, 0)
+    np.testing.assert_allclose(_sampson_errors(motion, first, shifted), 0.01 / np.sqrt(2), rtol=1e-9)
 
 
-def test_wrong_requests_are_named_before_anything_is_made(tmp_path, capsys):
-    photos, capture = noise(tmp_path / "photos", 2, size=8), tmp_path / "capture"
-    (photos / "damaged.jpg").write_bytes(b"")
-    with pytest.raises(DataError, match=r"damaged\.jpg is empty"):
-        run(photos, capture)
-    (photos / "damaged.jpg").unlink()
-    with pytest.raises(DataError, match="holds 2 photos; poses need at least 3"):
-        run(photos, capture)
-    film = tmp_path / "film.mp4"
+def test_invalid_requests_are_rejected_before_writing(tmp_path, capsys):
+    photos, damaged, film = write_noise(tmp_path / "photos", 2, 8), tmp_path / "damaged", tmp_path / "film.mp4"
+    write_noise(damaged, 2, 8).joinpath("damaged.jpg").write_bytes(b"")
     film.write_bytes(b"no film at all")
-    with pytest.raises(DataError, match=r"film\.mp4 is not a video that can be read"):
-        run(film, capture)
-    film.unlink()
-    with pytest.raises(DataError, match="nowhere does not exist"):
-        run(tmp_path / "nowhere", capture)
-    with pytest.raises(BadRequest, match="already exists and is not empty"):
-        run(photos, photos)
-    with pytest.raises(BadRequest, match="matching = 'all' is unknown"):
-        run(photos, capture, matching="all")
+    before, capture = sorted(tmp_path.rglob("*")), tmp_path / "capture"
+    for error, message, options in (
+        (DataError, r"damaged\.jpg is empty", {"photos": damaged}),
+        (DataError, "holds 2 photos; poses need at least 3", {}),
+        (DataError, r"film\.mp4 is not a video that can be read", {"photos": film}),
+        (DataError, "nowhere does not exist", {"photos": tmp_path / "nowhere"}),
+        (BadRequest, "already exists and is not empty", {"out": photos}),
+        (BadRequest, "matching = 'all' is unknown", {"matching": "all"}),
+    ):
+        with pytest.raises(error, match=message):
+            run(**{"photos": photos, "out": capture} | options)
     with pytest.raises(BadRequest, match="was given no out"):
         run_command(PosesOptions.of(photos=photos), Events(), lambda: False)
     assert main(["poses", str(photos), "--out", str(capture)]) == 4
     printed = capsys.readouterr().err
     assert "error: " in printed and "poses need at least 3" in printed
-    assert [path.name for path in tmp_path.iterdir()] == ["photos"]
+    assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_without_pycolmap_the_remedy_is_named(tmp_path, monkeypatch):
+def test_missing_pycolmap_names_the_install_command(tmp_path, monkeypatch):
     monkeypatch.setattr(poses, "find_spec", lambda _: None)
     with pytest.raises(MissingDependency, match="has no package 'pycolmap'") as caught:
-        run(noise(tmp_path / "photos", 3, size=8), tmp_path / "capture")
+        run(write_noise(tmp_path / "photos", 3, size=8), tmp_path / "capture")
     assert caught.value.hint == f"Install it there: {sys.executable} -m pip install pycolmap"
 
 
-# --------------------------------------------------------------------------------------------------------------- cancel
 @pytest.mark.parametrize("at", ["reading photos", "reading frames", "features"])
-def test_a_cancelled_job_leaves_nothing(tmp_path, at):
+def test_cancelled_job_leaves_nothing(tmp_path, at):
     if at == "reading frames":
         write_video(source := tmp_path / "film.mp4", 8)
     else:
-        source = noise(tmp_path / "photos", 12 if at == "features" else 3, size=200)
+        source = write_noise(tmp_path / "photos", 12 if at == "features" else 3, size=200)
     events = Events()
 
     def should_stop():

@@ -1,4 +1,6 @@
-"""The stage splats: learned once, left out where none are wanted, and resumed."""
+"""The stage splats: learned once, skipped where none are wanted, and resumed."""
+
+from unittest.mock import Mock
 
 import pytest
 
@@ -22,32 +24,32 @@ FEW = ("splats.iterations=12", "splats.count=1000", "splats.long_side=32", "spla
 
 @pytest.fixture
 def bare(copy):
-    """A project of one's own, without splats."""
+    """A copied project without splats."""
     copy.splats_file.unlink()
     write_state(copy.state_file, without_stage(copy.state(), "splats"))
     return copy
 
 
 def learn(project, *overrides, should_stop=lambda: False, threads=1):
-    """Run the stage; its events."""
+    """Run the stage; returns its events."""
     events = Events()
     options = SplatsOptions(project=project.folder, overrides=overrides, threads=threads, device="cpu")
     splats.run(options, events, should_stop)
     return events
 
 
-def test_the_stage_is_noted_with_what_it_learned_and_how_well(learned):
+def test_stage_summary_lists_files_and_held_out_quality(learned):
     project = Project(learned.project)
     done = project.finished("splats")
     assert done["files"].keys() == {"splats.safetensors"} and done["seconds"] > 0
     assert done["gaussians"] == len(load_gaussians(project.splats_file))
     (mean_before, worst_before, *_), (mean, worst, mean_exposed, worst_exposed) = done["held_out"]
     assert mean > mean_before > 15 and worst <= mean and worst_before <= mean_before
-    assert worst_exposed <= mean_exposed and abs(mean_exposed - mean) < 1, "photos that are exposed alike"
+    assert worst_exposed <= mean_exposed and abs(mean_exposed - mean) < 1, "all photos have the same exposure"
     assert "splats: held-out views" in learned.output and "splats" in STAGES
 
 
-def test_it_is_done_once_and_mended_in_the_same_bytes_on_any_number_of_cores(bare):
+def test_rerun_is_skipped_and_repairs_damage_byte_identically(bare):
     learn(bare, *FEW)
     before = bare.splats_file.read_bytes()
     assert learn(bare).is_done_already("splats")  # the settings are kept
@@ -59,7 +61,7 @@ def test_it_is_done_once_and_mended_in_the_same_bytes_on_any_number_of_cores(bar
     assert bare.splats_file.read_bytes() != before
 
 
-def test_they_need_a_field_and_no_masks(bare, tmp_path):
+def test_splats_need_geometry_but_no_masks(bare, tmp_path):
     finish_again(bare.folder, "geometry")
     assert bare.finished("segmentation") is None
     learn(bare, *FEW)
@@ -73,27 +75,24 @@ def test_they_need_a_field_and_no_masks(bare, tmp_path):
         learn(bare, "geometry.long_side=64")
 
 
-def test_none_are_learned_where_none_are_asked_for(bare):
+def test_zero_iterations_learn_no_splats(bare):
     assert learn(bare, "splats.iterations=0").values("stage", "text") == ["none are asked for"]
     assert bare.finished("splats") is None and not bare.splats_file.exists()
 
 
-def fog(*_):
-    raise NoSurface("The learned scene shows nothing solid.", "Learn it again, with other settings.")
-
-
-@pytest.mark.parametrize("why", ["numba", "nothing solid"])
-def test_where_none_can_be_learned_there_is_a_warning_and_the_field_is_shown(bare, monkeypatch, why):
-    if why == "numba":
+@pytest.mark.parametrize("reason", ["numba", "nothing solid"])
+def test_unlearnable_splats_give_a_warning_and_leave_the_field(bare, monkeypatch, reason):
+    if reason == "numba":
         monkeypatch.setenv("KARF_KERNELS", "off")
     else:
-        monkeypatch.setattr("karf_engine.commands.splats.initial_gaussians", fog)
+        fog = NoSurface("The learned scene shows nothing solid.", "Learn it again, with other settings.")
+        monkeypatch.setattr("karf_engine.commands.splats.initial_gaussians", Mock(side_effect=fog))
     events = learn(bare, *FEW)
-    assert events.values("warning", "code") == ["splats"] and why in events.values("warning", "sentence")[0]
+    assert events.values("warning", "code") == ["splats"] and reason in events.values("warning", "sentence")[0]
     assert bare.finished("splats") is None and karf.load(bare.folder, "cpu").splats is None
 
 
-def test_a_cancelled_stage_leaves_the_project_as_it_was_and_resumes(bare):
+def test_cancelled_stage_leaves_the_project_unchanged_and_resumes(bare):
     learn(bare, *FEW)
     whole = bare.splats_file.read_bytes()
     finish_again(bare.folder, "geometry")
@@ -103,6 +102,5 @@ def test_a_cancelled_stage_leaves_the_project_as_it_was_and_resumes(bare):
         with pytest.raises(Cancelled):
             learn(bare, should_stop=lambda asked=asked: next(asked, None) is None)
         assert bare.state() == before and not bare.splats_file.exists(), place
-    texts = learn(bare).values("stage", "text")
-    assert [text for text in texts if text and text.startswith("resuming")]
+    assert any((text or "").startswith("resuming") for text in learn(bare).values("stage", "text"))
     assert bare.splats_file.read_bytes() == whole

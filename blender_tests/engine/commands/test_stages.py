@@ -1,4 +1,4 @@
-"""All stages on a tiny still life: learned once through the command line, then rendered, edited and run again."""
+"""All stages on a tiny still life: learned once by the command line, then rendered, edited and run again."""
 
 import inspect
 import json
@@ -13,7 +13,7 @@ import torch
 from scipy.ndimage import maximum_filter
 
 import karf_engine
-from blender_tests.engine.commands.conftest import cameras_file, run
+from blender_tests.engine.commands.conftest import assert_renders_well, cameras_file, run, stages_run
 from blender_tests.engine.conftest import of_field
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture import open_capture
@@ -25,7 +25,6 @@ from karf_engine.export.scene_points import read_points
 from karf_engine.io.color import linear_to_srgb
 from karf_engine.io.images import read_mask, read_photo
 from karf_engine.metrics.images import psnr
-from karf_engine.metrics.masks import iou
 from karf_engine.palettes.compositing import planes_made_from, read_planes
 from karf_engine.palettes.palette import read_edit, read_palettes, rgb_to_hex
 from karf_engine.project import STAGE_ORDER, Project
@@ -35,21 +34,18 @@ from karf_engine.recolor.field_rendering import weights_of_field
 from karf_engine.recolor.model import Model
 from karf_engine.worker.protocol import STAGES, WARM
 
-BALL_COLOR, GREEN = "#c0221a", "#1ec040"
-
 
 @pytest.fixture(scope="module")
 def green(learned, tmp_path_factory):
     """An edit that turns the red ball green."""
     out = tmp_path_factory.mktemp("edit") / "green.json"
-    words = ("--object", "ball", "--from", BALL_COLOR, "--to", GREEN, "--out", out)
-    assert run("match", learned.project, *words) == 0
+    assert run("match", learned.project, "--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", out) == 0
     return out
 
 
 @pytest.fixture(scope="module")
 def frames(learned, green, tmp_path_factory):
-    """The held-out views rendered with everything there is."""
+    """The held-out views rendered with every kind of output."""
     out = tmp_path_factory.mktemp("frames")
     options = ("--edit", green, "--depth", "--unsure", "--planes", "--out", out, "--threads", 1)
     assert run("render", learned.project, "--views", "test", *options) == 0
@@ -60,12 +56,7 @@ def contents(project):
     return {path.relative_to(project.folder): path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
 
 
-def done_already(printed):
-    return [f"{stage}: already done" in printed for stage in STAGE_ORDER]
-
-
-# ------------------------------------------------------------------------------------------------------------- learning
-def test_every_stage_is_noted_with_its_figures_and_files(learned):
+def test_every_stage_stores_its_results(learned):
     project = Project(learned.project)
     assert all(project.finished(stage)["seconds"] > 0 for stage in STAGE_ORDER)
     assert project.finished("geometry")["background"] == "black"
@@ -79,22 +70,22 @@ def test_every_stage_is_noted_with_its_figures_and_files(learned):
     assert [line for line in learned.output.splitlines() if line in STAGE_ORDER] == list(STAGE_ORDER)
 
 
-def test_a_second_run_does_nothing_and_a_changed_setting_runs_what_depends_on_it(still_life, copy, capsys):
+def test_rerun_runs_only_stages_of_changed_settings(still_life, copy, capsys):
+    def times():  # except of the lock, which older releases of filelock touch
+        return {name: (copy.folder / name).stat().st_mtime_ns for name in before.keys() - {Path("lock")}}
+
     before = contents(copy)
-    files = before.keys() - {Path("lock")}  # which older releases of filelock touch
-    times = {name: (copy.folder / name).stat().st_mtime_ns for name in files}
+    times_before = times()
     assert run(*still_life.command(copy.folder)) == 0
-    assert contents(copy) == before
-    assert times == {name: (copy.folder / name).stat().st_mtime_ns for name in files}
-    assert done_already(capsys.readouterr().err) == [True] * 5
+    assert contents(copy) == before and times() == times_before and stages_run(capsys.readouterr().err) == []
     assert run(*still_life.command(copy.folder, "palette.colors=2", "recoloring.iterations=3")) == 0
-    assert done_already(capsys.readouterr().err) == [True, True, False, False, True]
+    assert stages_run(capsys.readouterr().err) == ["palette", "recoloring"]
     changed = {name.name for name, content in contents(copy).items() if before.get(name) != content}
     assert changed == {"project.json", "palette.json", "object_colors.npz", "recoloring.safetensors"}
     assert {len(palette.colors) for palette in read_palettes(copy.palette_file)} == {2}
 
 
-def test_palettes_stay_as_extracted_without_a_recoloring_field(copy, green, tmp_path, capsys):
+def test_zero_iterations_keep_the_extracted_palettes(copy, green, tmp_path, capsys):
     untrained = ("recoloring", copy.folder, "--threads", 1, "--set")
     assert run(*untrained, "recoloring.iterations=0") == 0
     assert copy.finished("recoloring")["files"].keys() == {"palette.json", "object_colors.npz"}
@@ -107,9 +98,8 @@ def test_palettes_stay_as_extracted_without_a_recoloring_field(copy, green, tmp_
     assert f"karf recoloring {copy.folder} --set recoloring.iterations=" in capsys.readouterr().err
     assert run("points", copy.folder, "--out", tmp_path / "points.npz", "--count", 1000, "--threads", 1) == 0
     points = read_points(tmp_path / "points.npz")
-    np.testing.assert_allclose(
-        points.palette_weights.astype(float).sum(2), points.probabilities.astype(float), atol=2e-3
-    )
+    total = points.palette_weights.astype(float).sum(2)
+    np.testing.assert_allclose(total, points.probabilities.astype(float), atol=2e-3)
     camera = model.working_camera(model.capture.views[0])
     frame = of_field(model).render(camera)
     np.testing.assert_allclose(frame.palette_weights.sum(1), frame.probabilities, atol=2e-3)
@@ -135,13 +125,11 @@ def test_no_view_shows_an_object_beyond_its_volume(copy):
     assert not after.segmentation.inside(beyond)[0, block]
 
 
-# ------------------------------------------------------------------------------------------------------------ rendering
-def test_held_out_views_show_the_scene_its_objects_their_depth_and_doubts(still_life, frames):
+def test_held_out_views_match_color_masks_depth_and_uncertainty(still_life, frames):
+    assert_renders_well(frames, still_life, 20, 0.6)
     for stem in ("r_0", "r_1"):
         truth = still_life.photos[f"test/{stem}"]
-        assert psnr(read_photo(frames / "render" / f"test_{stem}.png"), truth.color) > 20
-        for label, name in ((1, "ball"), (2, "block")):
-            assert iou(read_mask(frames / "masks" / name / f"test_{stem}.png"), truth.labels == label) > 0.6
+        for name in ("ball", "block"):
             unsure = read_photo(frames / "unsure" / name / f"test_{stem}.png")[..., 0]
             assert unsure.shape == (32, 32) and (unsure[:2, :2] == 0).all() and 0 < unsure.max() <= 1
         depth = np.load(frames / "depth" / f"test_{stem}.npy")
@@ -150,18 +138,18 @@ def test_held_out_views_show_the_scene_its_objects_their_depth_and_doubts(still_
         assert abs(np.median(depth[truth.labels == 1]) - (ball_depth[0] - 0.3)) < 0.25
 
 
-def test_the_edit_turns_the_ball_green_and_leaves_the_rest(still_life, frames):
+def test_edit_turns_only_the_ball_green(still_life, frames):
     truth = still_life.photos["test/r_0"]
     recolored = read_photo(frames / "recolor" / "test_r_0.png")
     ball = recolored[(truth.labels == 1) & read_mask(frames / "masks" / "ball" / "test_r_0.png")].mean(0)
     assert ball[1] > 2 * ball[0]
     change = np.abs(recolored - np.rint(truth.color * 255) / 255).max(-1)
-    beside = ~maximum_filter(truth.labels == 1, 3)
-    assert change[beside].mean() < 0.02 < 0.2 < change[truth.labels == 1].mean()
+    outside = ~maximum_filter(truth.labels == 1, 3)
+    assert change[outside].mean() < 0.02 < 0.2 < change[truth.labels == 1].mean()
     assert (change[truth.alpha == 0] == 0).mean() > 0.95
 
 
-def test_planes_are_written_for_blender_and_hold_the_photo(still_life, learned, frames):
+def test_planes_for_blender_hold_the_photo_and_weights(still_life, learned, frames):
     planes = read_planes(frames / "planes" / "test_r_0.npz")
     assert planes.objects == ("ball", "block")
     assert np.array_equal(planes.base, np.rint(still_life.photos["test/r_0"].color * 255))
@@ -173,9 +161,7 @@ def test_planes_are_written_for_blender_and_hold_the_photo(still_life, learned, 
     assert planes_made_from(in_project) == result_fingerprint(project.state(), "recoloring")
 
 
-def test_an_edit_that_changes_nothing_gives_the_photos_bit_by_bit_and_splits_share_no_picture(
-    still_life, learned, tmp_path
-):
+def test_empty_edit_reproduces_photos_bit_by_bit(still_life, learned, tmp_path):
     (tmp_path / "same.json").write_text('{"schema": "karf-edit/1", "objects": {}}')
     options = ("--edit", tmp_path / "same.json", "--out", tmp_path, "--threads", 1)
     assert run("render", learned.project, "--views", "train_r_0,test_r_0,r_3", *options) == 0  # two are r_0 on disk
@@ -186,7 +172,7 @@ def test_an_edit_that_changes_nothing_gives_the_photos_bit_by_bit_and_splits_sha
 
 
 def recomposed(path, edit):
-    """What a compositor makes of layers and an edit, and their depth."""
+    """A compositor's result of layers and an edit, and the layers' depth."""
     with OpenEXR.File(str(path), separate_channels=True) as file:
         planes = {name: channel.pixels.astype(np.float32) for name, channel in file.channels().items()}
     result = linear_to_srgb(np.stack([planes[letter] for letter in "RGB"], -1))
@@ -196,7 +182,7 @@ def recomposed(path, edit):
     return np.clip(result, 0, 1), planes["Depth.Z"]
 
 
-def test_free_cameras_are_rendered_recolored_and_layered_without_a_photo(learned, green, tmp_path):
+def test_free_cameras_are_rendered_recolored_and_layered(learned, green, tmp_path):
     cameras, truth = cameras_file(tmp_path / "path.json", 2, 24), take_photo(camera_at(1.0, 0.5, 24))
     options = ("--edit", green, "--planes", "--layers", "--depth", "--out", tmp_path, "--threads", 1)
     assert run("render", learned.project, "--views", cameras, *options) == 0
@@ -211,8 +197,7 @@ def test_free_cameras_are_rendered_recolored_and_layered_without_a_photo(learned
     np.testing.assert_array_equal(depth, np.load(tmp_path / "depth" / "frame_0.npy"))
 
 
-# ------------------------------------------------------------------------------------------------------------- palettes
-def test_palettes_are_printed_as_json_without_computing(learned, capsys):
+def test_palettes_print_as_json(learned, capsys):
     assert run("palette", learned.project, "--json") == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads(Project(learned.project).palette_file.read_text())
@@ -221,7 +206,7 @@ def test_palettes_are_printed_as_json_without_computing(learned, capsys):
 
 
 @pytest.mark.parametrize("suffix", [".gpl", ".ase", ".json"])
-def test_palettes_go_to_other_programs_and_come_back_as_an_edit(learned, green, tmp_path, suffix):
+def test_palette_formats_round_trip_as_an_edit(learned, green, tmp_path, suffix):
     palettes = read_palettes(Project(learned.project).palette_file)
     foreign, back = tmp_path / f"p{suffix}", tmp_path / "b.json"
     assert run("palette", learned.project, "--edit", green, "--out", foreign) == 0
@@ -233,8 +218,7 @@ def test_palettes_go_to_other_programs_and_come_back_as_an_edit(learned, green, 
     assert run("palette", learned.project, "--edit", foreign) == 2
 
 
-def test_a_painted_frame_is_matched_in_other_views_too(still_life, learned, frames, tmp_path):
-    """The picture that an edit makes of one view gives that edit back, near enough to make the same pictures."""
+def test_edit_matched_from_a_painted_view_fits_other_views(still_life, learned, frames, tmp_path):
     view, *_ = pictures = sorted((frames / "recolor").glob("*.png"))
     out, again = tmp_path / "matched.json", tmp_path / "again"
     words = ("--view", view.stem, "--picture", view, "--out", out, "--threads", 1)
@@ -248,7 +232,7 @@ def test_a_painted_frame_is_matched_in_other_views_too(still_life, learned, fram
         assert np.abs(made - wanted)[inside].mean() < 0.05 * np.abs(photo - wanted)[inside].mean()
 
 
-def test_a_picture_that_wants_nothing_or_is_of_another_shape_is_refused(still_life, learned, tmp_path):
+def test_unchanged_or_wrongly_sized_picture_is_rejected(still_life, learned, tmp_path):
     view = open_capture(still_life.capture).split("test")[0]
     iio.imwrite(tmp_path / "wide.png", np.zeros((20, 80, 3), np.uint8))
     match = ("match", learned.project, "--out", tmp_path / "out.json", "--view", view.name)
@@ -258,7 +242,7 @@ def test_a_picture_that_wants_nothing_or_is_of_another_shape_is_refused(still_li
 
 
 @pytest.mark.parametrize("rule", ["becomes", "fewest"])
-def test_matched_edits_change_the_named_object_only_and_add_up(learned, green, tmp_path, rule):
+def test_matched_edits_change_one_object_and_combine(learned, green, tmp_path, rule):
     out = tmp_path / "both.json"
     words = ("--object", "block", "--from", "#2042b0", "--to", "#d0c020", "--rule", rule, "--edit", green, "--out", out)
     assert run("match", learned.project, *words) == 0
@@ -270,15 +254,14 @@ def test_matched_edits_change_the_named_object_only_and_add_up(learned, green, t
     assert all(rgb_to_hex(colors[0]) == "#000000" for colors in both.colors.values())
 
 
-# -------------------------------------------------------------------------------------------------------- every command
-def test_every_command_is_run_in_the_same_way_and_may_be_a_job():
+def test_every_command_has_the_same_signature_and_can_be_a_job():
     for name in (name for name, kind in COMMANDS.items() if kind is not LearnOptions):
         run = import_module(f"karf_engine.commands.{name.replace('-', '_')}").run
         assert list(inspect.signature(run).parameters)[:3] == ["options", "emit", "should_stop"], name
     assert STAGES == (*COMMANDS, WARM)
 
 
-def test_what_a_command_answers_is_returned(still_life, tmp_path, events):
+def test_run_command_returns_the_commands_result(still_life, tmp_path, events):
     inspect_options = InspectOptions.of(capture=still_life.capture, out=tmp_path / "inspected")
     advice = run_command(inspect_options, events, lambda: False)
     assert advice.findings and (tmp_path / "inspected" / "inspection.json").exists()

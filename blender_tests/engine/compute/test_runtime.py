@@ -1,4 +1,4 @@
-"""Devices, cores and solvers: which can be asked for, how work is shared out, and what is said of faults."""
+"""Devices are chosen or rejected, cores share work, and solvers report poor convergence."""
 
 import math
 import subprocess
@@ -22,8 +22,8 @@ from karf_engine.segmentation import label_propagation
 UNKNOWN = ("gpu", "cuda", "cuda:0", "cuda:x", "cpu:1", "CPU", "", "xla", "meta", "vulkan", "🏺")
 
 
-def have_cards(count, monkeypatch):
-    """Let the machine say that it has so many cards; whether they answer is another question."""
+def pretend_cards(count, monkeypatch):
+    """Pretend that the machine has this many cards, which do not answer."""
     monkeypatch.setattr(torch.cuda, "is_available", lambda: count > 0)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: count)
 
@@ -33,12 +33,11 @@ def have_cards(count, monkeypatch):
     [
         *((name, 0, f"There is no device {name!r}.", "can be used: cpu.") for name in UNKNOWN),
         ("cuda:2", 2, "There is no device 'cuda:2'.", "cpu, cuda, cuda:0, cuda:1."),
-        ("mps", 0, "64-bit", "can be used: cpu."),
-        ("mps:0", 0, "64-bit", "can be used: cpu."),
+        *((name, 0, "64-bit", "can be used: cpu.") for name in ("mps", "mps:0")),
     ],
 )
-def test_a_missing_device_is_refused_with_the_available_ones(name, cards, sentence, known, monkeypatch):
-    have_cards(cards, monkeypatch)
+def test_missing_device_is_rejected_with_available_ones(name, cards, sentence, known, monkeypatch):
+    pretend_cards(cards, monkeypatch)
     with pytest.raises(BadRequest) as raised:
         find_device(name)
     assert sentence in raised.value.sentence and known in raised.value.hint
@@ -46,25 +45,24 @@ def test_a_missing_device_is_refused_with_the_available_ones(name, cards, senten
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="the card answers")
 @pytest.mark.parametrize("name", ["cuda:1", None])
-def test_an_unresponsive_card_is_refused_in_a_sentence(name, monkeypatch):
-    have_cards(2, monkeypatch)
+def test_unresponsive_card_is_rejected(name, monkeypatch):
+    pretend_cards(2, monkeypatch)
     with pytest.raises(BadRequest, match="does not answer"):
         start_runtime(device=name)
 
 
-def test_without_a_card_the_default_is_the_cpu(monkeypatch):
-    have_cards(0, monkeypatch)
+def test_cpu_is_the_default_without_a_card(monkeypatch):
+    pretend_cards(0, monkeypatch)
     assert find_device(None) == find_device("cpu") == torch.device("cpu")
 
 
 @pytest.mark.parametrize("name", ["gpu", "mps"])
-def test_the_command_line_says_it_in_a_sentence(learned, capsys, name):
+def test_command_line_reports_missing_devices(learned, capsys, name):
     assert main(["palette", str(learned.project), "--device", name]) == BadRequest.exit_code
     printed = capsys.readouterr().err
     assert "Internal error" not in printed and "can be used: cpu" in printed
 
 
-# ---------------------------------------------------------------------------------------------------------------- cores
 @pytest.fixture
 def two_cores():
     cores.set_core_count(2)
@@ -72,8 +70,8 @@ def two_cores():
     cores.set_core_count(1)
 
 
-@pytest.mark.parametrize("taken", [False, True])
-def test_every_number_is_visited_once(two_cores, taken):
+@pytest.mark.parametrize("torch_is_limited", [False, True])
+def test_parallel_for_visits_every_number_once(two_cores, torch_is_limited):
     visits, threads = [0] * 37, set()
 
     def visit(first, last):
@@ -81,15 +79,15 @@ def test_every_number_is_visited_once(two_cores, taken):
         for number in range(first, last):
             visits[number] += 1
 
-    if taken:
+    if torch_is_limited:
         cores.limit_torch_threads()
-    assert (cores.core_count(), torch.get_num_threads()) == (2, 1 if taken else 2)
+    assert (cores.core_count(), torch.get_num_threads()) == (2, 1 if torch_is_limited else 2)
     cores.parallel_for(visit, len(visits))
     assert visits == [1] * 37
-    assert (threads != {threading.current_thread()}) == taken
+    assert (threads != {threading.current_thread()}) == torch_is_limited
 
 
-def test_nested_parts_finish_and_errors_are_raised(two_cores):
+def test_nested_parallel_for_finishes_and_raises_errors(two_cores):
     found, states = [], set()
 
     def part(first, last):
@@ -103,25 +101,26 @@ def test_nested_parts_finish_and_errors_are_raised(two_cores):
         cores.parallel_for(lambda first, last: 1 // 0, 8)
 
 
-# ------------------------------------------------------------------------------------------------ neighbors and solvers
-# most lie at 0 along one axis, where SciPy splits them at the least denormal number
-FLAT = "import numpy as np; flat = np.random.default_rng(0).random((2000, 3)); flat[:1500, 2] = 0"
-N = 200
+# most points lie at z = 0, which makes SciPy split them at the least denormal number
+TREE_OF_FLAT_POINTS = """
+import numpy as np, torch
+from karf_engine.compute.neighbors import build_kd_tree
+torch.set_flush_denormal(True)
+flat = np.random.default_rng(0).random((2000, 3))
+flat[:1500, 2] = 0
+print(build_kd_tree(flat).query(flat[0] + 1e-9)[1])
+"""
 
 
-# -------------------------------------------------------------------------------------------------------------- neighbors
-def test_points_on_a_plane_through_0_have_a_tree():
-    """In a process of its own: where this fails it crashes."""
-    code = (
-        f"import torch; torch.set_flush_denormal(True); {FLAT}; from karf_engine.compute.neighbors import build_kd_tree"
-    )
-    command = [sys.executable, "-c", f"{code}; print(build_kd_tree(flat).query(flat[0] + 1e-9)[1])"]
+def test_points_in_a_plane_have_a_kd_tree():
+    """In a child process, which a failure would crash."""
+    command = [sys.executable, "-c", TREE_OF_FLAT_POINTS]
     child = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert (child.returncode, child.stdout.strip()) == (0, "0"), child.stderr[-500:]
 
 
 @pytest.mark.parametrize("is_flushing", [True, False])
-def test_numbers_are_flushed_after_a_tree_as_before(is_flushing):
+def test_building_a_kd_tree_keeps_the_denormal_mode(is_flushing):
     torch.set_flush_denormal(is_flushing)
     try:
         build_kd_tree(np.eye(3))
@@ -132,25 +131,23 @@ def test_numbers_are_flushed_after_a_tree_as_before(is_flushing):
         torch.set_flush_denormal(False)
 
 
-# ---------------------------------------------------------------------------------------------------------------- solvers
-def chain() -> sparse.csr_array:
-    """A positive definite chain of N unknowns: what one end says takes as many iterations to reach the other."""
-    return sparse.csr_array(sparse.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(N, N)))
+N = 200
+# a positive definite chain, which needs N iterations to pass a value from end to end
+CHAIN = sparse.csr_array(sparse.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(N, N)))
 
 
 def solve_photo(iterations):
-    right = np.eye(N)[0]
-    found = sparse_systems.solve(chain(), right, np.zeros(N), iterations=iterations)
-    return np.linalg.norm(chain() @ found - right)
+    found = sparse_systems.solve(CHAIN, np.eye(N)[0], np.zeros(N), iterations=iterations)
+    return np.linalg.norm(CHAIN @ found - np.eye(N)[0])
 
 
 def solve_points(iterations, monkeypatch):
     monkeypatch.setattr(label_propagation, "MAX_STEPS", iterations)
-    system, right = chain(), np.eye(N)[:, :1]
-    label_propagation.conjugate_gradients(lambda x: system @ x, np.full(N, 2.0), right, np.zeros((N, 1)))
+    start, right = np.zeros((N, 1)), np.eye(N)[:, :1]
+    label_propagation.conjugate_gradients(lambda x: CHAIN @ x, np.full(N, 2.0), right, start)
 
 
-def test_an_unsolved_system_warns_with_residual_and_iterations(monkeypatch):
+def test_unsolved_system_warns_with_residual_and_iterations(monkeypatch):
     with pytest.warns(NotConverged, match=r"after 5 iterations a relative residual of [0-9.]+e"):
         solve_photo(5)
     with pytest.warns(NotConverged, match="after 5 iterations"):
@@ -161,12 +158,9 @@ def test_an_unsolved_system_warns_with_residual_and_iterations(monkeypatch):
         solve_points(2 * N, monkeypatch)
 
 
-def test_a_stage_emits_the_worst_residual_and_keeps_other_warnings():
+def test_stage_emits_only_the_worst_residual_and_keeps_other_warnings():
     events = []
-    with (
-        pytest.warns(UserWarning, match="something else"),
-        convergence_as_event(lambda *a, **k: events.append((a, k))),
-    ):
+    with pytest.warns(UserWarning, match="something else"), convergence_as_event(lambda *a, **k: events.append((a, k))):
         warn_not_converged(5, 0.02, 1e-3)
         warn_not_converged(5, 0.25, 1e-3)
         warnings.warn("something else", UserWarning, stacklevel=1)

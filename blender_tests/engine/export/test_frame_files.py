@@ -1,4 +1,4 @@
-"""Frames of new cameras as files and as videos, and the note of an output folder."""
+"""Frames of new cameras as files and videos, and the record in an output folder."""
 
 import sys
 
@@ -26,42 +26,39 @@ SHADES = [(0.8, 0.2, 0.2), (0.2, 0.8, 0.2), (0.2, 0.2, 0.8)]
 
 @pytest.mark.parametrize("kind", FORMATS)
 @pytest.mark.parametrize("color", [COLOR, CLEAR], ids=["opaque", "alpha"])
-def test_a_frame_reads_back_as_deep_as_it_was_written(tmp_path, kind, color):
+def test_frames_round_trip_in_every_format(tmp_path, kind, color):
     path = tmp_path / f"frame{FORMATS[kind]}"
     write_frame(path, color, kind)
-    # what alpha was multiplied into comes back less exactly
+    # premultiplied colors come back less exactly
     np.testing.assert_allclose(read_photo(path), color, atol=STEP[kind] * (4 if "exr" in kind else 1))
 
 
-def test_exr_holds_light_with_alpha_multiplied_in(tmp_path):
+def test_exr_holds_premultiplied_linear_light(tmp_path):
     write_frame(tmp_path / "a.exr", CLEAR, "exr32")
     channels = OpenEXR.File(str(tmp_path / "a.exr")).channels()
     np.testing.assert_allclose(channels["RGBA"].pixels[..., :3], srgb_to_linear(COLOR) * ALPHA, atol=1e-6)
 
 
-# ------------------------------------------------------------------------------------------------- the note of a folder
-def test_invalid_lines_are_skipped(tmp_path):
-    good = '{"frame": "a", "made_from": "x", "files": {}}'
-    lines = ["[" * 100_000, "{", "3", '{"frame": "b"}', good]
+def test_invalid_lines_of_a_record_are_skipped(tmp_path):
+    lines = ["[" * 100_000, "{", "3", '{"frame": "b"}', '{"frame": "a", "made_from": "x", "files": {}}']
     (tmp_path / RECORD_NAME).write_text("\n".join(lines))
     assert list(FinishedFrames.read(tmp_path).frames) == ["a"]
 
 
 @pytest.mark.parametrize("make", NO_FILES)
 @pytest.mark.parametrize("read", [lambda path: FinishedFrames.read(path.parent), file_digest])
-def test_a_note_that_is_not_a_file_is_named(make, read, tmp_path):
+def test_record_that_is_not_a_file_is_rejected(make, read, tmp_path):
     make(tmp_path / RECORD_NAME)
     with pytest.raises(DataError, match="not a file"):
         read(tmp_path / RECORD_NAME)
 
 
-# ----------------------------------------------------------------------------------------------------------------- videos
 def frames(size=(48, 64)):
     return (np.full((*size, 3), color, np.float32) for color in SHADES for _ in range(4))
 
 
 @pytest.mark.parametrize(("suffix", "size"), [(".mp4", (48, 64)), (".mkv", (48, 64)), (".mp4", (47, 63))])
-def test_frames_come_back_in_order(tmp_path, suffix, size):
+def test_video_keeps_frames_in_order(tmp_path, suffix, size):
     pytest.importorskip("imageio_ffmpeg")
     path = tmp_path / f"turn{suffix}"
     write_video(path, frames(size), fps=12)
@@ -80,14 +77,14 @@ def test_frames_come_back_in_order(tmp_path, suffix, size):
         ("turn.mp4", [np.zeros((8, 8, 3)), np.zeros((8, 9, 3))], "frames is"),
     ],
 )
-def test_an_impossible_video_is_refused_and_leaves_no_file(tmp_path, name, given, words):
+def test_impossible_video_is_rejected_and_leaves_no_file(tmp_path, name, given, words):
     pytest.importorskip("imageio_ffmpeg")
     with pytest.raises(BadRequest, match=words):
         write_video(tmp_path / name, given)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_missing_encoder_is_named(tmp_path, monkeypatch):
+def test_missing_encoder_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingDependency, match="imageio_ffmpeg") as caught:
         write_video(tmp_path / "turn.mp4", frames())

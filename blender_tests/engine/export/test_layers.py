@@ -1,4 +1,4 @@
-"""Layered pictures: what is in the file recomposes the edited picture, and the header alone says how."""
+"""Layered EXR pictures recompose the edited picture, as their header describes, and hold cryptomattes."""
 
 import json
 from dataclasses import replace
@@ -43,27 +43,25 @@ def path(layers, tmp_path):
     return tmp_path / "view.exr"
 
 
-def planes_of(path):
+def read_channels(path):
     with OpenEXR.File(str(path), separate_channels=True) as file:
         return {name: channel.pixels for name, channel in file.channels().items()}
 
 
-def test_the_file_recomposes_the_edited_picture(layers, path):
-    planes = planes_of(path)
+def test_file_recomposes_the_edited_picture(layers, path):
+    planes = read_channels(path)
     edited = {"pot": POT.colors[[0, 2, 1]], "my mug.2": MUG.colors[:, ::-1]}
     result = linear_to_srgb(np.stack([planes[letter] for letter in "RGB"], -1).astype(np.float32))
     for each in read_layer_names(path):
         for name, learned, color in zip(each.weights, each.colors, edited[each.name], strict=True):
             result += planes[f"{name}.V"][..., None].astype(np.float32) * (color - learned)
-    learned, wanted = (
-        stack_palettes(["pot", "my mug.2"], c) for c in ({p.name: p.colors for p in layers.palettes}, edited)
-    )
-    engine = delta_composite(layers.base.astype(np.float32) / 255, layers.palette_weights, learned, wanted)
+    palettes = [stack_palettes(["pot", "my mug.2"], c) for c in ({"pot": POT.colors, "my mug.2": MUG.colors}, edited)]
+    engine = delta_composite(layers.base.astype(np.float32) / 255, layers.palette_weights, *palettes)
     assert np.abs(np.clip(result, 0, 1) - engine).max() < 0.25 / 255
 
 
-def test_channels_are_named_and_as_deep_as_they_need(layers, path):
-    planes = planes_of(path)
+def test_channels_have_their_names_and_depths(layers, path):
+    planes = read_channels(path)
     deep = {name for name, plane in planes.items() if plane.dtype == np.float32}
     assert deep == {"Depth.Z", *(f"CryptoObject00.{letter}" for letter in "RGBA")}
     assert set(planes) - deep == {
@@ -75,18 +73,17 @@ def test_channels_are_named_and_as_deep_as_they_need(layers, path):
 
 
 @pytest.mark.parametrize(("kind", "full"), [(np.uint8, 255), (np.uint16, 65535), (np.float32, 1)])
-def test_the_base_comes_back_to_its_eight_bits(tmp_path, kind, full):
+def test_base_round_trips_to_eight_bits(tmp_path, kind, full):
     values = np.arange(256).reshape(16, 16, 1).repeat(3, -1)
     base, weights = (values * (full / 255)).astype(kind), np.zeros((1, 3, 16, 16))
     write_layers(tmp_path / "view.exr", Layers((POT,), base, weights[:, 0], weights))
-    planes = planes_of(tmp_path / "view.exr")
+    planes = read_channels(tmp_path / "view.exr")
     np.testing.assert_array_equal(to_bytes(linear_to_srgb(planes["G"].astype(np.float32))), values[..., 0])
     np.testing.assert_allclose(planes["G"], srgb_to_linear(values[..., 0] / 255), rtol=2**-11)
     assert "Depth.Z" not in planes
 
 
-# ------------------------------------------------------------------------------------------------------------- the header
-def test_the_header_says_what_the_numbers_are(path):
+def test_header_describes_color_space_and_mattes(path):
     header = OpenEXR.File(str(path), header_only=True).header()
     assert header["compression"] == OpenEXR.ZIP_COMPRESSION
     assert header["colorInteropID"] == "lin_rec709_scene" and "exact piecewise sRGB" in header["comments"]
@@ -95,7 +92,7 @@ def test_the_header_says_what_the_numbers_are(path):
     assert matte == {"name", "hash", "conversion", "manifest"}
 
 
-def test_the_header_gives_names_colors_and_exposure(layers, path):
+def test_header_gives_names_colors_and_exposure(layers, path):
     pot, mug = read_layer_names(path)
     assert (pot.name, mug.name, pot.gains) == ("pot", "my mug.2", (1.0, 1.0, 1.0))
     assert b'"gains"' not in path.read_bytes()
@@ -105,7 +102,7 @@ def test_the_header_gives_names_colors_and_exposure(layers, path):
     assert [each.gains for each in read_layer_names(path)] == [(0.75, 1.0, 1.25)] * 2
 
 
-def test_names_are_short_and_never_shared():
+def test_layer_names_are_short_and_unique():
     colors = np.zeros((2, 3), np.float32)
     objects = name_layers([Palette(name, colors) for name in ("a b", "a.b", "A_B", "ö" * 100, "ö" * 99)])
     names = [name for each in objects for name in (each.coverage, *each.weights)]
@@ -113,7 +110,7 @@ def test_names_are_short_and_never_shared():
     assert max(len(name.encode()) for name in names) < 60
 
 
-def test_a_damaged_or_foreign_file_is_refused(layers, path):
+def test_damaged_or_foreign_files_are_rejected(layers, path):
     write_layers(path, replace(layers, gains=(0.75, 1.0, 1.25)))
     whole = path.read_bytes()
     OpenEXR.File({}, {"Y": np.zeros((4, 4), np.float32)}).write(str(path))
@@ -122,9 +119,6 @@ def test_a_damaged_or_foreign_file_is_refused(layers, path):
         path.write_bytes(content)
         with pytest.raises(DataError, match="gains" if b"-0.7" in content else None):
             read_layer_names(path)
-
-
-# ------------------------------------------------------------------------------------------------------- layers of a photo
 
 
 def photo_view(kind=np.uint8, channels=3, orientation=1):
@@ -140,8 +134,8 @@ def photo_view(kind=np.uint8, channels=3, orientation=1):
     return PhotoView(photo, orientation, [POT.name, MUG.name], mattes, [POT, MUG])
 
 
-def recomposed(layers):
-    """As a compositor does it, which has half floats in linear light."""
+def recompose(layers):
+    """Recompose like a compositor, from half floats in linear light."""
     base = layers.base / np.iinfo(layers.base.dtype).max if layers.base.dtype.kind == "u" else layers.base
     result = linear_to_srgb(srgb_to_linear(base).astype(np.float16).astype(np.float32))
     for palette, planes in zip(layers.palettes, layers.palette_weights, strict=True):
@@ -154,7 +148,7 @@ def recomposed(layers):
     ("kind", "channels", "orientation"),
     [*((np.uint8, 3, number) for number in range(1, 9)), (np.uint16, 3, 1), (np.uint8, 4, 1), (np.uint16, 4, 1)],
 )
-def test_layers_of_a_photo_are_upright_keep_its_look_and_recompose_its_edit(kind, channels, orientation):
+def test_photo_layers_are_upright_and_recompose_the_edit(kind, channels, orientation):
     view = photo_view(kind, channels, orientation)
     layers = view.layers(np.arange(6, dtype=np.float32).reshape(2, 3))
     size = (HEIGHT, WIDTH) if orientation < 5 else (WIDTH, HEIGHT)
@@ -162,27 +156,24 @@ def test_layers_of_a_photo_are_upright_keep_its_look_and_recompose_its_edit(kind
     assert layers.coverage.shape == (2, *size) and layers.palette_weights.shape[::2] == (2, size[0])
     base = layers.base / (255 if layers.base.dtype == np.uint8 else 1)
     np.testing.assert_allclose(base, view.over_white(view.photo), atol=0.51 / 255)
-    np.testing.assert_allclose(recomposed(layers), view.over_white(view.recolor(EDIT)), atol=1 / 255)
+    np.testing.assert_allclose(recompose(layers), view.over_white(view.recolor(EDIT)), atol=1 / 255)
 
 
-def test_planes_sum_to_the_coverage_and_depth_keeps_its_edges():
+def test_planes_sum_to_coverage_and_depth_keeps_its_edges():
     layers = photo_view().layers(np.array([[1.0, 5.0]], np.float32))
     np.testing.assert_allclose(layers.palette_weights.sum(1, dtype=np.float32), layers.coverage, atol=1e-3)
     assert set(np.unique(layers.depth)) == {1.0, 5.0}
     np.testing.assert_array_equal(layers.depth[0], [1, 1, 1, 1, 5, 5, 5, 5, 5])
 
 
-# ----------------------------------------------------------------------------------------------------------------- mattes
-
-
-def test_the_hash_is_murmurhash3():
+def test_hash_is_murmurhash3():
     fox = "The quick brown fox jumps over the lazy dog"
     published = {"": 0, "hello": 0x248BFA47, "hello, world": 0x149BBB7F, fox: 0x2E4FF723}
     assert {text: cryptomatte.murmur3(text.encode()) for text in published} == published
 
 
-def test_every_id_is_a_normal_number():
-    """Programs drop numbers that are none, and may flush those near zero."""
+def test_every_id_is_a_normal_float():
+    """Programs drop NaN and infinity and may flush subnormal numbers to zero."""
     names = [f"object {number}" for number in range(3000)]
     hashes = np.array([cryptomatte.murmur3(name.encode()) for name in names], np.uint32)
     ids = np.array([cryptomatte.object_id(name) for name in names], np.uint32)
@@ -202,9 +193,8 @@ def test_pairs_are_ranked_by_coverage_and_named_in_the_manifest():
     ids = np.array(pairs[0::2], np.float32).view(np.uint32).tolist()
     assert ids == [*map(cryptomatte.object_id, ("ä", "a", "b")), 0]
     assert not any(plane[:299].any() for plane in planes.values())
-    header = cryptomatte.header(["Töpfe no. 1", "mug"])
+    names = ["Töpfe no. 1", "mug"]
+    header = cryptomatte.header(names)
     (manifest,) = (json.loads(value) for name, value in header.items() if name.endswith("/manifest"))
-    assert {name: int(number, 16) for name, number in manifest.items()} == {
-        name: cryptomatte.object_id(name) for name in ("Töpfe no. 1", "mug")
-    }
+    assert {name: int(id_, 16) for name, id_ in manifest.items()} == {n: cryptomatte.object_id(n) for n in names}
     assert {name.split("/")[1] for name in header} == {f"{cryptomatte.murmur3(b'CryptoObject'):08x}"[:7]}

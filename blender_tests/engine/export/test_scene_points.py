@@ -1,4 +1,4 @@
-"""Points on a learned scene: on its surface, of its colors, and recolored as pictures are."""
+"""Points on the surface of a learned scene, with its colors or those of an edit."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def points(learned, tmp_path_factory):
     return read_points(out)
 
 
-def test_points_match_the_pixels_of_a_new_view(model, points):
+def test_points_match_the_pixels_of_a_held_out_view(model, points):
     assert 0.6 * COUNT < len(points) < 1.2 * COUNT
     np.testing.assert_allclose(np.linalg.norm(points.normals, axis=1), 1, atol=1e-3)
     np.testing.assert_allclose(points.palette_weights.sum(2), points.probabilities, atol=5e-3)
@@ -37,7 +37,7 @@ def test_points_match_the_pixels_of_a_new_view(model, points):
     index = np.flatnonzero((column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height) & (depth > 0))
     row, column, depth = row[index], column[index], depth[index]
     there = frame.depth[row, column]
-    assert ((there > 1.1 * depth) | (there == 0)).mean() < 0.05  # these would be looked through
+    assert ((there > 1.1 * depth) | (there == 0)).mean() < 0.05  # few points hang in empty space
     shown = (there > 0) & (np.abs(there - depth) < 0.03 * there)
     index, row, column = index[shown], row[shown], column[shown]
     assert len(index) > 100
@@ -49,7 +49,7 @@ def test_points_match_the_pixels_of_a_new_view(model, points):
     assert (np.sum(points.normals[index] * towards, 1) > 0).mean() > 0.8
 
 
-def test_a_ply_has_the_colors_of_the_edit(learned, model, points, tmp_path):
+def test_ply_has_the_edited_colors(learned, model, points, tmp_path):
     edit = model.edit().becomes("ball", "#d92619", "#1f5fbf")
     edit.save(tmp_path / "edit.json")
     karf.write_points(learned.project, tmp_path / "s.ply", count=COUNT, edit=tmp_path / "edit.json", threads=1)
@@ -69,12 +69,12 @@ def test_a_ply_has_the_colors_of_the_edit(learned, model, points, tmp_path):
         ("scene.ply", {"count": 10}, "10 points cannot be made"),
     ],
 )
-def test_impossible_outputs_are_refused(learned, tmp_path, out, more, words):
+def test_impossible_outputs_are_rejected(learned, tmp_path, out, more, words):
     with pytest.raises(BadRequest, match=words):
         karf.write_points(learned.project, tmp_path / out, threads=1, **more)
 
 
-def test_damaged_and_older_files_are_told_apart(points, model, tmp_path):
+def test_damaged_files_are_rejected_and_older_ones_have_no_edges(points, model, tmp_path):
     write_points(tmp_path / "cut.npz", replace(points, sizes=points.sizes[:-1]))
     (tmp_path / "none.npz").write_bytes(b"PK")
     for name, words in (("cut", "contradict each other"), ("none", "surface points")):
@@ -87,11 +87,10 @@ def test_damaged_and_older_files_are_told_apart(points, model, tmp_path):
         old.with_edges(model.palettes, model.edit().edge(model.objects[0], choke=1).edges)
 
 
-def test_points_end_where_an_edits_edges_do(points, model):
+def test_edges_of_an_edit_shrink_and_grow_points(points, model):
     name, own = model.objects[0], points.probabilities.astype(float)
-    choked, grown = (
-        points.with_edges(model.palettes, {name: model.edit().edge(name, choke=choke).edges[name]}) for choke in (3, -3)
-    )
+    edges = [model.edit().edge(name, choke=choke).edges for choke in (3, -3)]
+    choked, grown = (points.with_edges(model.palettes, {name: each[name]}) for each in edges)
     assert choked.probabilities[:, 0].sum() < own[:, 0].sum() < grown.probabilities[:, 0].sum()
     for each in (choked, grown):
         np.testing.assert_allclose(each.palette_weights[:, 0].sum(1), each.probabilities[:, 0], atol=0.01)

@@ -1,11 +1,11 @@
-"""How many faults are thrown, the project that they are thrown at, and what holds after each."""
+"""Options for the number of faults, the project that they strike, and the check after each."""
 
 import os
 import random
 
 import pytest
 
-collect_ignore_glob = ["*"] if os.name == "nt" else []  # processes are forked and limited, which Windows cannot
+collect_ignore_glob = ["*"] if os.name == "nt" else []  # Windows cannot fork and limit processes
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -16,7 +16,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="session")
 def bench(tmp_path_factory):
-    """The workspace with every right state of a project."""
+    """The workspace with every valid state of a project."""
     from blender_tests.engine.faults import engine
     from blender_tests.engine.faults.bench import Bench
 
@@ -27,7 +27,7 @@ def bench(tmp_path_factory):
 
 @pytest.fixture
 def few(request) -> bool:
-    """Whether a fault is thrown at one stage only, and at some of its moments."""
+    """Whether a fault strikes only one stage, at some of its moments."""
     return not request.config.getoption("all_faults", False)
 
 
@@ -43,12 +43,12 @@ def chance(request) -> random.Random:
 
 @pytest.fixture
 def throw(bench, subtests):
-    """Throws a fault at a scenario, which returns how the command ended: nothing is lost, and the command completes it."""
+    """Throw a fault, which returns how the command ended, at a scenario; assert that it survives."""
 
     def throw_one(scenario, fault, exact=lambda ended: True, **named):
         with subtests.test(stage=scenario.title, **named):
             bench.restore(scenario.start)
             ended = fault()
-            bench.survives(scenario, ended, exact(ended))
+            bench.assert_survives(scenario, ended, exact(ended))
 
     return throw_one

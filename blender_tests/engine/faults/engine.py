@@ -1,4 +1,4 @@
-"""Commands of the engine in processes that are forked from one which has torch: real, really killed, soon started."""
+"""Run engine commands in processes forked from one that has imported torch, which start fast and can be killed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FORKING = multiprocessing.get_context("forkserver") if os.name != "nt" else None
 
 @dataclass(frozen=True)
 class Run:
-    """One command that has ended. code: exit code, minus the signal that killed it, or None where it hung."""
+    """An ended command. code: exit code, minus the signal that killed it, or None for a hang."""
 
     code: int | None
     text: str
@@ -38,13 +38,13 @@ class Run:
 
     @property
     def sentence(self) -> str:
-        """What it told the user last: an error, a warning, or nothing."""
+        """The last error or warning that it printed, or nothing."""
         found = SENTENCE.findall(self.text)
         return found[-1] if found else ""
 
     @property
     def flaw(self) -> str | None:
-        """What no fault excuses: a trace, a crash, a hang, or a failure without a sentence."""
+        """What no fault excuses: a traceback, a crash, a hang, or a failure without a message."""
         if self.killed:
             return None
         if self.code is None:
@@ -57,17 +57,17 @@ class Run:
 
 
 def prepare(patch) -> None:
-    """Let the process that all others are forked from import the engine with one thread: forks must find no others."""
+    """Let the process that all others are forked from import the engine with one thread, as forks need."""
     for name, value in ONE_THREAD.items():
         patch.setenv(name, value)
     FORKING.set_forkserver_preload(IMPORTED)
 
 
 class Child:
-    """One command of the engine that is running in a process of its own.
+    """An engine command running in its own process.
 
-    before: called in that process before the command, to set a limit or a trap; it is pickled. What the command prints
-    comes through a pipe: a limit of file sizes does not reach it.
+    before: called in that process before the command, to set a limit or a trap; it is pickled. Output comes through a
+    pipe, out of reach of a limit of file sizes.
     """
 
     def __init__(self, arguments: Sequence[str], before: Callable[[], object] | None = None) -> None:
@@ -80,7 +80,7 @@ class Child:
         os.set_blocking(self._out.fileno(), False)
 
     def stop(self, number: int = signal.SIGKILL) -> None:
-        """Send a signal; a process that has ended already gets none."""
+        """Send a signal, unless the process has ended."""
         try:
             os.kill(self._process.pid, number)
         except ProcessLookupError:
@@ -88,7 +88,7 @@ class Child:
         self._killed = self._killed or number == signal.SIGKILL
 
     def wait(self) -> Run:
-        """Wait for its end; what lasts longer than TIMEOUT is ended."""
+        """Wait for its end; kill it after TIMEOUT."""
         end = time.monotonic() + TIMEOUT
         while self._process.is_alive() and time.monotonic() < end:
             self._drain()
@@ -116,7 +116,7 @@ def run(arguments: Sequence[str], before: Callable[[], object] | None = None) ->
 
 
 def run_all(commands: Sequence[Sequence[str]]) -> tuple[list[int | None], str]:
-    """Run commands one after the other in one process; their exit codes, None for those that never ended, and the text."""
+    """Run commands in turn in one process; returns their exit codes (None: never ended) and the output."""
     done = Child(["several", *map(json.dumps, commands)]).wait()
     codes = [int(code) for code in re.findall(r"^code (\d+)$", done.text, re.MULTILINE)]
     return codes + [None] * (len(commands) - len(codes)), done.text
@@ -152,7 +152,7 @@ def _become(arguments: Sequence[str], out: Connection, before: Callable[[], obje
     except KeyboardInterrupt:  # it came before the command began
         code = 6
         os.write(2, b"cancelled; nothing was begun.\n")
-    except BaseException as error:  # what the engine let through is a finding, told in what is printed
+    except BaseException as error:  # the engine let it through, which the tests must see in the output
         os.write(2, f"Traceback: {error!r}\n".encode())
     finally:
         os._exit(code)

@@ -1,4 +1,4 @@
-"""Damaged files, and files of a newer version: refused in a sentence or without consequence, and never another picture."""
+"""Damaged files and files of a newer version are rejected or harmless, and a rerun repairs them."""
 
 import json
 import shutil
@@ -11,8 +11,8 @@ from blender_tests.engine.faults.engine import run
 from blender_tests.engine.readers.samples import renew_checksum
 from karf_engine.project import STAGE_ORDER
 
-SOME = ("geometry/geometry.safetensors", "recoloring/palette.json", "recoloring/object_colors.npz")
-FLIPS = 6  # of a bit, in each file
+FEW_FILES = ("geometry/geometry.safetensors", "recoloring/palette.json", "recoloring/object_colors.npz")
+FLIPS = 6  # in each file
 
 
 def flip(path, chance):
@@ -21,21 +21,13 @@ def flip(path, chance):
     path.write_bytes(data)
 
 
-def cut(path, chance):
+def truncate(path, chance):
     data = path.read_bytes()
     path.write_bytes(data[: chance.randrange(1, len(data))])
 
 
-def empty(path, chance):
-    path.write_bytes(b"")
-
-
-def remove(path, chance):
-    path.unlink()
-
-
 def plant_nan(path, chance):
-    """Put a NaN into one array of floats."""
+    """Put a NaN into one float array."""
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as stored:
             arrays = dict(stored)
@@ -52,69 +44,75 @@ def plant_nan(path, chance):
     path.write_bytes(data)
 
 
-WAYS = {"a flipped bit": flip, "cut off": cut, "empty": empty, "gone": remove, "NaN": plant_nan}
+DAMAGES = {
+    "flipped bit": flip,
+    "truncated": truncate,
+    "empty": lambda path, _: path.write_bytes(b""),
+    "missing": lambda path, _: path.unlink(),
+    "NaN": plant_nan,
+}
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_a_damaged_file_is_told_of_and_never_another_picture(bench, few, chance, subtests, way):
-    """The palette of the project is to be learned anew: so that every file has a reader."""
-    if few and way != "a flipped bit":
-        pytest.skip("thrown with --all-faults")
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damaged_file_never_changes_a_result(bench, few, chance, subtests, damage):
+    """The project's palette stage must run again, so every file has a reader."""
+    if few and damage != "flipped bit":
+        pytest.skip("only with --all-faults")
     names = ["project.json", *(name for name in bench.complete.files if not name.startswith("masks/"))]  # the user's
-    if way == "NaN":
+    if damage == "NaN":
         names = [name for name in names if name.endswith((".safetensors", ".npz"))]
-    for name in SOME if few else names:
-        for number in range(FLIPS if way == "a flipped bit" and not few else 1):
+    for name in FEW_FILES if few else names:
+        for number in range(FLIPS if damage == "flipped bit" and not few else 1):
             with subtests.test(file=name, number=number):
-                bench.restore(bench.anew("palette").start)
-                WAYS[way](bench.path(name), chance)
-                kept = bench.folder / "damaged"
-                shutil.rmtree(kept, ignore_errors=True)
-                shutil.copytree(bench.project, kept)
-                is_refused_or_without_consequence(bench, name)
-                bench.restore(kept)
-                is_mended_by_learning_again(bench, name)
+                bench.restore(bench.rerun("palette").start)
+                DAMAGES[damage](bench.path(name), chance)
+                damaged = bench.folder / "damaged"
+                shutil.rmtree(damaged, ignore_errors=True)
+                shutil.copytree(bench.project, damaged)
+                assert_rejected_or_harmless(bench, name)
+                bench.restore(damaged)
+                assert_rerun_repairs(bench, name)
 
 
-def is_refused_or_without_consequence(bench, name):
-    """Render, solve an edit and extract a palette: each gives what it gave without damage, if it gives anything."""
-    anew = bench.anew("palette")
-    pictures, shown = bench.pictures(planes=True)
-    solved = run(bench.match)
-    edit = digest(bench.look / "edit.json") if solved.code == 0 else None
-    learned = run(anew.command)
-    assert [one.flaw for one in (shown, solved, learned)] == [None] * 3
-    assert shown.code or pictures == bench.complete.pictures
-    assert solved.code or edit == bench.edit
-    assert learned.code or not bench.differs(anew.end, but=name)
+def assert_rejected_or_harmless(bench, name):
+    """Assert that render, match and palette each fail or give the undamaged result."""
+    scenario = bench.rerun("palette")
+    pictures, rendered = bench.pictures(planes=True)
+    matched = run(bench.match)
+    edit = digest(bench.look / "edit.json") if matched.code == 0 else None
+    extracted = run(scenario.command)
+    assert [ended.flaw for ended in (rendered, matched, extracted)] == [None] * 3
+    assert rendered.code or pictures == bench.complete.pictures
+    assert matched.code or edit == bench.edit
+    assert extracted.code or not bench.differences(scenario.end, except_for=name)
 
 
-def is_mended_by_learning_again(bench, name):
-    """A lost project.json alone cannot be told of."""
+def assert_rerun_repairs(bench, name):
+    """Assert that running every stage repairs the project; it may fail if project.json is damaged."""
     for stage in STAGE_ORDER:
         done = run(bench.command(stage))
         if done.code and name == "project.json" and done.flaw is None:
             return
         assert done.code == 0, done.text
-    assert not bench.differs(bench.complete)
-    bench.is_right()
+    assert not bench.differences(bench.complete)
+    bench.assert_valid()
 
 
 @pytest.mark.parametrize("name", ["project.json", "geometry/capture.json", "recoloring/palette.json"])
-def test_a_file_of_a_newer_version_is_refused_and_nothing_is_changed(bench, name):
+def test_newer_file_version_is_rejected_without_changes(bench, name):
     def contents():
         return bench.files() | {"project.json": digest(bench.project / "project.json")}
 
-    scenario = bench.anew("palette")  # reads what no render reads
+    scenario = bench.rerun("palette")  # reads what no render reads
     bench.restore(scenario.start)
     path = bench.path(name)
     content = json.loads(path.read_text())
-    content.pop("checksum", None)  # without it what it says is believed
+    content.pop("checksum", None)  # without it the content is trusted
     path.write_text(json.dumps(content | {"schema": content["schema"].rpartition("/")[0] + "/99"}))
     renew_checksum(bench.project, path)
     before = contents()
-    shown, learned = run(bench.render("--planes")), run(scenario.command)
-    assert (shown.flaw, learned.flaw) == (None, None)
-    assert shown.code or learned.code, "it is taken as if it were of this version"
-    if shown.code and learned.code:
+    rendered, extracted = run(bench.render("--planes")), run(scenario.command)
+    assert (rendered.flaw, extracted.flaw) == (None, None)
+    assert rendered.code or extracted.code, "it is read as if it were of this version"
+    if rendered.code and extracted.code:
         assert {file: digest for file, digest in contents().items() if file in before} == before

@@ -1,4 +1,4 @@
-"""What cannot be written is named, by every command that writes, and memory that runs out is told as that."""
+"""Every command names the path that it could not write, and reports memory that ran out."""
 
 import errno
 import os
@@ -6,22 +6,23 @@ import resource
 import shutil
 from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
-from blender_tests.engine.commands.farm.sequences import write_sequence
+from blender_tests.engine.commands.farm.sequences import Sequence
 from blender_tests.engine.conftest import QUICK
 from blender_tests.engine.faults import engine
-from blender_tests.engine.faults.traps import no_memory_at_changes, refuse_changes
+from blender_tests.engine.faults.traps import refuse_changes
 from blender_tests.engine.splats.clouds import cloud
-from karf_engine.project import Project
+from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.state import without_stage, write_state
 from karf_engine.splats.formats import ply
 from karf_engine.splats.formats.splat_file import SplatFile
 from karf_engine.worker.protocol import Request
 
 BAD_DATA, OUT_OF_MEMORY = 4, 5
-# a row: what is run. Stages of the project are learned anew, so they have something to write
+# stages of the project run again, so that they have something to write
 COMMANDS = {
     "inspect": "inspect {capture} --out {out}/inspected",
     "mark": "mark {capture} --view train_r_0 --object pot --out {out}/masks --box 4,4,20,20",
@@ -45,44 +46,37 @@ COMMANDS = {
     "run": "run {out}/job",
 }  # fmt: skip
 
-STAGES = ("segmentation", "palette", "recoloring", "splats")
-MATCH = {"object": "ball", "source": "#b5302c", "target": "#3059b8"}
-
 
 def no_bytes(_: Path) -> None:
-    """Let no file get a byte, whichever library writes it; the system names no path then."""
+    """Let no library write a byte to a file; the system names no path then."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
 
 
 def no_bytes_and_no_links(disk: Path) -> None:
-    """The same, where the given files lie on another disk."""
-
-    def refused(*_: object) -> None:
-        raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
-
+    """The same with the input files on another disk."""
     no_bytes(disk)
-    os.link = refused
+    os.link = Mock(side_effect=OSError(errno.EXDEV, os.strerror(errno.EXDEV)))
 
 
 SOME = ("edit", "frames as EXR", "export-splat .usdc", "farm")
-FAULTS = {  # what befalls the disk, and which commands
+FAULTS = {  # and the commands that they strike
     "disk full": (partial(refuse_changes, number=errno.ENOSPC), COMMANDS),
     "quota": (partial(refuse_changes, number=errno.EDQUOT), SOME),
     "read-only disk": (partial(refuse_changes, number=errno.EROFS), SOME),
-    "no right": (partial(refuse_changes, number=errno.EACCES), SOME),
+    "no permission": (partial(refuse_changes, number=errno.EACCES), SOME),
     "no byte can be written": (no_bytes, COMMANDS),
     "no byte, on another disk": (no_bytes_and_no_links, ("poses", "import-splat")),
-    "no memory": (no_memory_at_changes, COMMANDS),
+    "no memory": (partial(refuse_changes, number=None), COMMANDS),
 }
 
 
 @pytest.fixture(scope="module")
 def places(still_life, learned, tmp_path_factory):
-    """What commands are given, and the disk on which they write."""
+    """Inputs of the commands, and the disk on which they write."""
     folder = tmp_path_factory.mktemp("named paths")
     inputs = folder / "inputs"
     inputs.mkdir()
-    write_sequence(learned.project, inputs, 2)
+    Sequence(learned.project, inputs, 2)
     ply.write(inputs / "cloud.ply", SplatFile(cloud()))
     (inputs / "sheet.csv").write_text("colorway,object,hex\nGreen,ball,#1ec040\n")
     disk = folder / "disk"
@@ -93,14 +87,15 @@ def places(still_life, learned, tmp_path_factory):
 
 
 @pytest.mark.parametrize(("fault", "name"), [(fault, name) for fault, (_, names) in FAULTS.items() for name in names])
-def test_the_path_that_could_not_be_written_is_named(places, learned, fault, name):
+def test_failed_write_names_the_path(places, learned, fault, name):
     disk, project, job = places["disk"], Project(places["project"]), places["out"] / "job"
     shutil.rmtree(disk, ignore_errors=True)
     job.mkdir(parents=True)
     shutil.copytree(learned.project, project.folder)
-    if name in STAGES:
+    if name in STAGE_ORDER[1:]:
         write_state(project.state_file, without_stage(project.state(), name))
-    Request("match", project.folder, MATCH | {"out": f"{places['out']}/edit.json"}).write(job)
+    edit = {"object": "ball", "source": "#b5302c", "target": "#3059b8", "out": f"{places['out']}/edit.json"}
+    Request("match", project.folder, edit).write(job)
     settings = [part for text in QUICK for part in ("--set", text)] if name in ("all", "geometry") else []
     command = [word.format(**places) for word in COMMANDS[name].split()]
     ended = engine.run(command + settings, partial(FAULTS[fault][0], disk))

@@ -1,7 +1,6 @@
-"""Traps in a process: something happens when it changes a file below a folder.
+"""Traps, set in a process before its work, that act when it changes a file below a folder.
 
-A change is a file that is made or emptied, a rename, a removal, a new folder, and with `flushes` a file's flush. Each
-function is called in the process itself, before its work begins.
+A change makes, empties, renames or removes a file, makes a folder, or with `flushes` flushes a file.
 """
 
 from __future__ import annotations
@@ -19,39 +18,29 @@ REMOVALS = ("os.remove", "os.rmdir")
 
 
 def record_changes(folder: Path, record: Path, flushes: bool) -> None:
-    """Write what changes a file to a record, one change a line."""
+    """Write each change to a line of a record."""
     handle = os.open(record, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
     _at_each_change(folder, lambda event, _: os.write(handle, f"{event}\n".encode()), flushes)
 
 
 def die_at_change(folder: Path, number: int) -> None:
-    """Be killed just before the change of this number, counted from 1."""
+    """Kill the process just before the change of this number, counted from 1."""
     count = itertools.count(1)
     _at_each_change(folder, lambda event, _: next(count) == number and os.kill(os.getpid(), signal.SIGKILL), False)
 
 
-def refuse_changes(folder: Path, number: int, first: int = 1, names: bool = True) -> None:
-    """Let changes from the `first` on fail with the system's error of this number; removals, which need no room, do not.
+def refuse_changes(folder: Path, number: int | None, first: int = 1, names: bool = True) -> None:
+    """Fail changes from the `first` on, except removals, with the system's error of this number (None: no memory).
 
-    names: whether the error names the path, as the system's calls do; without it, flushes count as changes.
+    names: whether the error names the path, as system calls do; without it, flushes count as changes.
     """
     count = itertools.count(1)
 
     def act(event: str, path: str) -> None:
         if next(count) >= first and not event.startswith(REMOVALS):
-            raise OSError(number, os.strerror(number), *([path] if names else []))
+            raise MemoryError if number is None else OSError(number, os.strerror(number), *([path] if names else []))
 
     _at_each_change(folder, act, flushes=not names)
-
-
-def no_memory_at_changes(folder: Path) -> None:
-    """Let each change fail for want of memory."""
-
-    def act(event: str, _: str) -> None:
-        if not event.startswith(REMOVALS):
-            raise MemoryError
-
-    _at_each_change(folder, act, False)
 
 
 def _at_each_change(folder: Path, act: Callable[[str, str], object], flushes: bool) -> None:
@@ -62,8 +51,8 @@ def _at_each_change(folder: Path, act: Callable[[str, str], object], flushes: bo
         if event not in CHANGES and not makes:
             return
         path = os.fsdecode(arguments[0]) if isinstance(arguments[0], str | bytes | os.PathLike) else ""
-        vain = {"os.mkdir": True, "os.remove": False}.get(event)  # what is there already, or no longer
-        if path.startswith(root) and (vain is None or os.path.lexists(path) != vain):
+        no_change = {"os.mkdir": True, "os.remove": False}.get(event)  # if the path exists
+        if path.startswith(root) and (no_change is None or os.path.lexists(path) != no_change):
             act(f"{event} {Path(path).suffix or Path(path).name}", path)
 
     def flushed(handle) -> None:

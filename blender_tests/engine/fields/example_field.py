@@ -1,4 +1,4 @@
-"""A new kind of field, soft colored balls: `geometry.field=balls` learns it (docs/extending.md says how it is made)."""
+"""An example field of soft colored balls that `geometry.field=balls` learns; docs/extending.md explains it."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class BallField(nn.Module):
         return {"balls": len(self.centers)}
 
     def config(self) -> dict:
-        return {}  # the tensors say it all
+        return {}  # the tensors are all it needs
 
     @classmethod
     def restore(cls, config: dict, tensors: dict[str, Tensor], device: torch.device) -> BallField:

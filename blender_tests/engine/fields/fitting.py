@@ -1,4 +1,4 @@
-"""What fits of fields are started with: photos of the still life, views and sparse points."""
+"""Inputs for fits: photos, views and sparse points of the still life, and small trainings of heads."""
 
 import numpy as np
 import torch
@@ -17,7 +17,7 @@ def silent(should_stop=lambda: False):
     return Progress(lambda *_, **__: None, should_stop, "geometry", 1)
 
 
-def bank_of(photos, kind, device="cpu"):
+def pixel_dataset(photos, kind, device="cpu"):
     alphas = [p.alpha for p in photos] if kind == "alpha" else None
     solids = [solid_pixels(p.color, "black") for p in photos] if kind == "black" else None
     colors = [p.color / p.alpha[..., None].clip(1e-6) if kind == "alpha" else p.color for p in photos]
@@ -30,14 +30,9 @@ def views_of(cameras):
 
 def sparse_points(positions, view, point, pixels=None):
     """Points [n, 3], and the views and pixels that show them."""
-    return SparsePoints(
-        positions,
-        np.zeros((len(positions), 3), np.uint8),
-        np.full(len(positions), 0.3, np.float32),
-        np.array(view, np.int32),
-        np.array(point, np.int32),
-        np.zeros((len(point), 2), np.float32) if pixels is None else np.array(pixels, np.float32),
-    )
+    colors, errors = np.zeros((len(positions), 3), np.uint8), np.full(len(positions), 0.3, np.float32)
+    pixels = np.zeros((len(point), 2), np.float32) if pixels is None else np.array(pixels, np.float32)
+    return SparsePoints(positions, colors, errors, np.array(view, np.int32), np.array(point, np.int32), pixels)
 
 
 def observed_by_all(positions, n_views):
@@ -46,7 +41,7 @@ def observed_by_all(positions, n_views):
 
 
 def points_on_the_still_life(cameras, photos, spread=1.0):
-    """Points on the ball and the block's top, observed where the photo shows them."""
+    """Points on the ball and the block's top, observed wherever a photo shows them."""
     random = np.random.default_rng(0)
     directions = random.normal(size=(150, 3))
     ball = BALL_CENTER + BALL_RADIUS * directions / np.linalg.norm(directions, axis=1, keepdims=True)
@@ -54,22 +49,19 @@ def points_on_the_still_life(cameras, photos, spread=1.0):
     positions, labels = spread * np.concatenate([ball, top]), np.repeat([1, 2], 150)
     view, point, pixels = [], [], []
     for number, (camera, photo) in enumerate(zip(cameras, photos, strict=True)):
-        places, _ = camera.project(positions)
-        u, v = np.floor(places).astype(int).clip(0, camera.width - 1).T
+        projected, _ = camera.project(positions)
+        u, v = np.floor(projected).astype(int).clip(0, camera.width - 1).T
         # the ball's far side projects onto the ball too
         faces_camera = ((positions - BALL_CENTER) * (camera.position - positions)).sum(1) > 0
         seen = np.flatnonzero((photo.labels[v, u] == labels) & (faces_camera | (labels == 2)))
         view += [number] * len(seen)
         point += seen.tolist()
-        pixels += places[seen].tolist()
+        pixels += projected[seen].tolist()
     return sparse_points(positions, view, point, pixels)
 
 
 def learn_head(kind, field, settings, runtime, progress, checkpoint=None):
-    """Learn a head of 200 random rays by these settings; return everything that it is made of.
-
-    kind: points, rays or recoloring.
-    """
+    """Train a head (kind: points, rays or recoloring) on 200 random rays; return its tensors."""
     random = torch.Generator().manual_seed(1)
     positions = (torch.rand(200, 3, 3, generator=random) * 2 - 1).to(runtime.device)
     first, ones = positions[:, 0], torch.ones(200, device=runtime.device)

@@ -1,4 +1,4 @@
-"""New kinds of fields: the example is learned, stored, rendered and segmented as the built-in ones are."""
+"""The example field is learned, stored, rendered, segmented and resumed like the built-in ones."""
 
 import subprocess
 import sys
@@ -24,7 +24,7 @@ def project(still_life, tmp_path_factory):
     return Project(folder)
 
 
-def test_later_stages_run_on_the_example(project, still_life, tmp_path):
+def test_later_stages_run_on_the_example_field(project, still_life, tmp_path):
     assert len(Path(example_field.__file__).read_text(encoding="utf-8").splitlines()) <= 100
     assert project.finished("geometry")["balls"] == example_field.BALLS
     command = ["render", str(project.folder), "--views", "test", "--out", str(tmp_path), "--threads", "1"]
@@ -36,16 +36,19 @@ def test_later_stages_run_on_the_example(project, still_life, tmp_path):
             assert iou(read_mask(tmp_path / "masks" / name / f"test_{stem}.png"), photo.labels == label) >= 0.5
 
 
-def test_a_fresh_process_reads_the_scene_once_its_kind_is_registered(project):
-    for register, printed, raised in (
-        ("import blender_tests.engine.fields.example_field", "BallField\n", ""),
-        ("pass", "", "a field of the unknown kind 'balls'"),
-    ):
-        program = f"import sys; from pathlib import Path; {register}; from karf_engine.fields.files import load_scene"
-        program += "; print(type(load_scene(Path(sys.argv[1])).field).__name__)"
-        command = [sys.executable, "-c", program, project.geometry_file]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
-        assert done.stdout == printed and raised in done.stderr and bool(done.returncode) == bool(raised)
+@pytest.mark.parametrize(
+    ("module", "printed", "error"),
+    [
+        ("blender_tests.engine.fields.example_field", "BallField\n", ""),
+        ("sys", "", "a field of the unknown kind 'balls'"),
+    ],
+)
+def test_scene_loads_only_where_its_field_kind_is_registered(project, module, printed, error):
+    code = f"import {module}, sys, pathlib; from karf_engine.fields.files import load_scene"
+    code += "; print(type(load_scene(pathlib.Path(sys.argv[1])).field).__name__)"
+    command = [sys.executable, "-c", code, project.geometry_file]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.stdout == printed and error in done.stderr and bool(done.returncode) == bool(error)
 
 
 def learn_geometry(still_life, folder):
@@ -53,32 +56,34 @@ def learn_geometry(still_life, folder):
     return main(["geometry", str(still_life.capture), "--project", str(folder), "--threads", "1", *settings])
 
 
-def test_an_interrupted_fit_of_the_example_resumes_to_the_same_bits(project, still_life, tmp_path, monkeypatch, capsys):
-    def interrupted(fit, iteration, batch_scale):
+def test_interrupted_fit_of_the_example_field_resumes_byte_identically(
+    project, still_life, tmp_path, monkeypatch, capsys
+):
+    step = example_field.BallFit._step
+
+    def interrupted_step(fit, iteration, batch_scale):
         if iteration == 40:
             raise KeyboardInterrupt
         return step(fit, iteration, batch_scale)
 
-    step = example_field.BallFit._step
     with monkeypatch.context() as patch:
         patch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
-        patch.setattr(example_field.BallFit, "_step", interrupted)
+        patch.setattr(example_field.BallFit, "_step", interrupted_step)
         assert learn_geometry(still_life, tmp_path) == Cancelled.exit_code
     assert learn_geometry(still_life, tmp_path) == 0
     assert "resuming at iteration 40 of 150" in capsys.readouterr().err
     assert Project(tmp_path).geometry_file.read_bytes() == project.geometry_file.read_bytes()
 
 
-def test_an_unknown_field_is_refused_with_the_known_ones_before_photos_are_read(tmp_path, capsys):
+def test_unknown_field_is_rejected_before_photos_are_read(tmp_path, capsys):
     project = tmp_path / "p"
     command = ["geometry", str(tmp_path / "no_capture"), "--project", str(project), "--set", "geometry.field=fog"]
-    assert main(command) == BadRequest.exit_code
-    told = capsys.readouterr().err
-    assert "geometry.field = 'fog' is not allowed." in told and "voxels, nerf" in told
-    assert not project.exists()
+    assert main(command) == BadRequest.exit_code and not project.exists()
+    error = capsys.readouterr().err
+    assert "geometry.field = 'fog' is not allowed." in error and "voxels, nerf" in error
 
 
-def test_a_name_belongs_to_one_kind():
+def test_field_name_cannot_be_taken_twice():
     register_field(field_kind("voxels"))  # again, as a module that is imported twice does
     with pytest.raises(BadRequest, match="'voxels'"):
         register_field(FieldKind("voxels", example_field.BallFit, example_field.BallField.restore))

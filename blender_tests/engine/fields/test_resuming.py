@@ -1,6 +1,7 @@
-"""A cancelled or killed fit of any kind resumes where it stood, and ends bit by bit where an uninterrupted one does."""
+"""A cancelled or killed fit of any kind resumes where it stopped and ends with identical bits."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -25,57 +26,47 @@ RECOLORING = RecoloringSettings(iterations=12, batch=64, width=8, palette_share=
 
 
 class Stopwatch(Progress):
-    """Progress that cancels after some steps, and notes where it stood."""
+    """Progress that cancels after some steps and records where it began."""
 
     def __init__(self, after=None):
         super().__init__(lambda *_, **__: None, lambda: after is not None and self.steps >= after, "test", 100)
-        self.steps, self.begun_at = 0, 0
+        self.steps, self.began_at = 0, 0
 
     def resume_at(self, done):
         super().resume_at(done)
-        self.begun_at = done
+        self.began_at = done
 
     def step(self, count=1, **metrics):
         self.steps += count
         super().step(count, **metrics)
 
 
-def start_box(kind):
-    return box.start([take_photo(camera, kind == "opaque") for camera in cameras(10)], kind, BOX)
+def geometry(start):
+    def learn(progress, checkpoint):
+        fit = start()
+        checkpoint.attach(fit, progress)
+        for scene in fit.scenes(progress, checkpoint):
+            background = {} if scene.background is None else scene.background.state_dict()
+            tensors = [tensor.clone() for tensor in (*scene.field.state_dict().values(), *background.values())]
+        return tensors
+
+    return learn
 
 
-def learn_geometry(start, progress, checkpoint):
-    fit = start()
-    checkpoint.attach(fit, progress)
-    found = []
-    for scene in fit.scenes(progress, checkpoint):
-        background = {} if scene.background is None else scene.background.state_dict()
-        tensors = [*scene.field.state_dict().values(), *background.values()]
-        found.append([tensor.clone() for tensor in tensors])
-    return found[-1]
+def box_geometry(kind):
+    return geometry(lambda: box.start([take_photo(c, kind == "opaque") for c in cameras(10)], kind, BOX))
 
 
-class Plain:
-    n_features = 6
-
-    @staticmethod
-    def features(positions):
-        return torch.cat([positions, positions**2], 1)
+FIELD = SimpleNamespace(n_features=6, features=lambda positions: torch.cat([positions, positions**2], 1))
 
 
 def head(kind, settings):
-    return lambda progress, checkpoint: learn_head(
-        kind, Plain, settings, start_runtime(0, 1, "cpu"), progress, checkpoint
-    )
+    return lambda *tools: learn_head(kind, FIELD, settings, start_runtime(0, 1, "cpu"), *tools)
 
 
-def geometry(start):
-    return lambda progress, checkpoint: learn_geometry(start, progress, checkpoint)
-
-
-LEARNERS = {  # and where they are stopped: early, at a level's end, after one pruning, in the last part, at the very end
-    "box, matte": (geometry(lambda: start_box("alpha")), (60, 65)),
-    "box, sky": (geometry(lambda: start_box("opaque")), (5, 63, 72)),
+LEARNERS = {  # with the iterations to stop at: early, at a level's end, after one pruning, in the last part, at the end
+    "box, matte": (box_geometry("alpha"), (60, 65)),
+    "box, sky": (box_geometry("opaque"), (5, 63, 72)),
     "open": (geometry(lambda: opened.start(cameras(8), "contraction", True, OPEN)), (9, 30, 35)),
     "nerf": (geometry(lambda: nerf.start("opaque", NERF)), (3, 4, 6, 9)),
     "points": (head("points", SEGMENTATION), (4, 9)),
@@ -97,41 +88,40 @@ def path(tmp_path):
 
 @pytest.fixture
 def checkpoint(path, events):
-    def emit(kind, /, **values):
-        events.append(values)
-
-    return lambda fingerprint="of these inputs": Checkpoint(path, fingerprint, "test", emit)
-
-
-def same(first, second):
-    return len(first) == len(second) and all(torch.equal(a, b) for a, b in zip(first, second, strict=True))
+    return lambda fingerprint="these inputs": Checkpoint(
+        path, fingerprint, "test", lambda kind, **values: events.append(values)
+    )
 
 
-def interrupted(learn, checkpoint, after=3):
-    """Where the fit began that is cancelled after some steps."""
+def assert_identical(tensors, expected):
+    assert len(tensors) == len(expected)
+    assert all(torch.equal(a, b) for a, b in zip(tensors, expected, strict=True))
+
+
+def interrupt(learn, checkpoint, after=3):
+    """Cancel a fit after some steps; return the iteration at which it began."""
     progress = Stopwatch(after)
     with pytest.raises(Cancelled):
         learn(progress, checkpoint())
-    return progress.begun_at
+    return progress.began_at
 
 
 @pytest.mark.parametrize("name", LEARNERS)
-def test_a_resumed_fit_ends_bit_by_bit_where_an_uninterrupted_one_does(name, checkpoint, events, monkeypatch):
+def test_resumed_fit_matches_an_uninterrupted_one_bit_by_bit(name, checkpoint, events, monkeypatch):
     learn, stops = LEARNERS[name]
-    whole = learn(Stopwatch(), checkpoint("uninterrupted"))
-    stood = 0
+    uninterrupted = learn(Stopwatch(), checkpoint("uninterrupted"))
+    done = 0
     for stop in stops:
-        assert interrupted(learn, checkpoint, stop - stood) == stood
-        stood = stop
+        assert interrupt(learn, checkpoint, stop - done) == done
+        done = stop
     last = Stopwatch()
-    monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)  # saving on the way changes nothing
-    assert same(learn(last, checkpoint()), whole)
-    assert f"resuming at iteration {stood} of {stood + last.steps}" in events[-1]["text"]
+    monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)  # saving often changes nothing
+    assert_identical(learn(last, checkpoint()), uninterrupted)
+    assert f"resuming at iteration {done} of {done + last.steps}" in events[-1]["text"]
 
 
 def rewrite(change):
-    """Write the file with other tensors, under a checksum that is right: no damage of the disk, but what a careless hand
-    or another program has done."""
+    """Change the tensors of a file and give it the right checksum, as another program might."""
 
     def write(path):
         state, facts = load_tensors(path, CHECKPOINT_SCHEMA)
@@ -141,69 +131,66 @@ def rewrite(change):
     return write
 
 
-OLDER = ({}, "karf-unfinished-nerf/1", {"fingerprint": "of these inputs"})
 DAMAGES = {
     "cut off": lambda path: path.write_bytes(path.read_bytes()[:-100]),
-    "an older format": lambda path: save_tensors(path, *OLDER),
+    "old format": lambda path: save_tensors(path, {}, "karf-unfinished-nerf/1", {"fingerprint": "these inputs"}),
     "one bit": lambda path: path.write_bytes(path.read_bytes()[:-9] + bytes([path.read_bytes()[-9] ^ 4]) + b"\0" * 8),
     "no facts": lambda path: save_tensors(path, {}, CHECKPOINT_SCHEMA, {}),
 }
 CHANGES = {
-    "nothing in it": rewrite(dict.clear),
+    "no tensors": rewrite(dict.clear),
     "one missing": rewrite(lambda state: state.pop(min(state))),
     "one too many": rewrite(lambda state: state.update(more=torch.zeros(2))),
     "other shapes": rewrite(lambda s: s.update({n: t[None] for n, t in s.items()})),
     "other types": rewrite(lambda s: s.update({n: t.int() for n, t in s.items()})),
     "not finite": rewrite(lambda s: s.update({n: t * torch.nan for n, t in s.items()})),
-    "no numbers": rewrite(lambda s: s.update({n: t - 7 for n, t in s.items() if t.dim() == 0})),
+    "negative counts": rewrite(lambda s: s.update({n: t - 7 for n, t in s.items() if t.dim() == 0})),
 }
 CASES = [("recoloring", damage) for damage in DAMAGES]
 CASES += [(name, change) for name in ("box, sky", "nerf", "recoloring") for change in CHANGES]
 
 
 @pytest.mark.parametrize(("name", "damage"), CASES)
-def test_a_damaged_checkpoint_gives_a_warning_and_a_new_start(name, damage, checkpoint, path, events):
-    learn, _ = LEARNERS[name]
-    interrupted(learn, checkpoint)
+def test_damaged_checkpoint_warns_and_starts_over(name, damage, checkpoint, path, events):
+    learn = LEARNERS[name][0]
+    interrupt(learn, checkpoint)
     (DAMAGES | CHANGES)[damage](path)
-    assert interrupted(learn, checkpoint, after=2) == 0
+    assert interrupt(learn, checkpoint, after=2) == 0
     assert [values["code"] for values in events] == ["unfinished"]
     assert "begins anew" in events[0]["sentence"] and str(path) not in events[0].get("text", "")
-    assert interrupted(learn, checkpoint, after=1) == 2, "what is saved from then on is sound"
+    assert interrupt(learn, checkpoint, after=1) == 2, "the new checkpoint is sound"
 
 
-def test_a_damaged_state_changes_nothing(checkpoint, path):
-    learn, _ = LEARNERS["box, sky"]
-    whole = learn(Stopwatch(), checkpoint("uninterrupted"))
-    interrupted(learn, checkpoint, after=65)
+def test_fit_after_a_damaged_checkpoint_matches_a_fresh_one(checkpoint, path):
+    learn = LEARNERS["box, sky"][0]
+    uninterrupted = learn(Stopwatch(), checkpoint("uninterrupted"))
+    interrupt(learn, checkpoint, after=65)
     rewrite(lambda state: state.pop("course.random"))(path)
-    assert same(learn(Stopwatch(), checkpoint()), whole)
+    assert_identical(learn(Stopwatch(), checkpoint()), uninterrupted)
 
 
-def test_a_checkpoint_of_other_inputs_is_ignored(checkpoint, events):
-    interrupted(POINTS, checkpoint)
-    progress = Stopwatch()
-    POINTS(progress, checkpoint("another fingerprint"))
-    assert progress.begun_at == 0 and not events
+def test_checkpoint_of_other_inputs_is_ignored(checkpoint, events):
+    interrupt(POINTS, checkpoint)
+    POINTS(progress := Stopwatch(), checkpoint("another fingerprint"))
+    assert progress.began_at == 0 and not events
 
 
-def test_notes_are_kept_beside_the_fit(checkpoint):
+def test_notes_are_kept_with_the_checkpoint(checkpoint):
     first, second = checkpoint(), checkpoint()
     first.notes["held_out"] = [[20.5, 19.0]]
-    interrupted(POINTS, lambda: first)
+    interrupt(POINTS, lambda: first)
     POINTS(Stopwatch(), second)
     assert second.notes == {"held_out": [[20.5, 19.0]]}
 
 
-def test_a_fit_of_another_device_resumes_with_new_random_numbers(checkpoint, path):
-    interrupted(POINTS, checkpoint)
+def test_fit_of_another_device_resumes_with_new_random_numbers(checkpoint, path):
+    interrupt(POINTS, checkpoint)
     rewrite(lambda s: s.update(random=torch.zeros(16, dtype=torch.uint8)))(path)
-    progress = Stopwatch()
-    POINTS(progress, checkpoint())
-    assert progress.begun_at == 3
+    POINTS(progress := Stopwatch(), checkpoint())
+    assert progress.began_at == 3
 
 
-def test_a_full_disk_gives_one_warning(checkpoint, events, monkeypatch):
+def test_full_disk_gives_one_warning(checkpoint, events, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device")
 
@@ -211,12 +198,3 @@ def test_a_full_disk_gives_one_warning(checkpoint, events, monkeypatch):
     monkeypatch.setattr("karf_engine.fields.fit.save_tensors", fail)
     assert len(POINTS(Stopwatch(), checkpoint())) > 3
     assert ["No space left" in values["sentence"] for values in events] == [True]
-
-
-def test_progress_resumes_where_it_stood_at_its_own_rate():
-    events = []
-    progress = Progress(lambda kind, **values: events.append(values), lambda: False, "test", 1000)
-    progress.resume_at(990)
-    progress.step()
-    assert (events[0]["step"], events[0]["total"]) == (991, 1000)
-    assert events[0]["eta_s"] == pytest.approx(9 / events[0]["rate"], rel=0.2, abs=0.1)

@@ -1,4 +1,4 @@
-"""The training loop: schedules by hand, and how it stops."""
+"""The training loop follows schedules, reports progress and stops where it should."""
 
 import math
 import subprocess
@@ -15,17 +15,17 @@ from karf_engine.fields.training import Adam, TrainingState, cosine_with_warmup,
 
 
 class Recorder:
-    """A parameter pulled to 3, and everything the loop tells and asks."""
+    """A parameter pulled to 3, and all that the training loop calls and emits."""
 
     def __init__(self, stop_after=None, total=10):
         self.value = torch.nn.Parameter(torch.zeros(()))
         self.optimizer = torch.optim.SGD([self.value], lr=0.5)
         self.events, self.calls, self.rates = [], [], []
-        self.stop_after = stop_after
-        self.progress = Progress(lambda kind, **v: self.events.append(v), self.should_stop, "test", total)
-
-    def should_stop(self):
-        return self.stop_after is not None and len(self.calls) >= self.stop_after
+        self.progress = Progress(
+            lambda kind, **values: self.events.append(values),
+            lambda: stop_after is not None and len(self.calls) >= stop_after,
+            *("test", total),
+        )
 
     def step(self, iteration, scale):
         self.calls.append((iteration, scale))
@@ -33,13 +33,12 @@ class Recorder:
         return (self.value - 3) ** 2, {"loss": 1.0}
 
     def train(self, iterations, step=None, schedule=lambda i, n: 1.0):
-        training_state = TrainingState(
-            iterations, self.optimizer, lambda: {"value": self.value}, start_runtime(0, 1, "cpu")
-        )
+        runtime = start_runtime(0, 1, "cpu")
+        training_state = TrainingState(iterations, self.optimizer, lambda: {"value": self.value}, runtime)
         train(training_state, iterations, step or self.step, schedule, self.progress)
 
 
-def test_schedules_warm_up_and_fall_to_their_floor_by_hand():
+def test_schedules_warm_up_and_fall_to_their_floor():
     cosine, exponential = cosine_with_warmup(4, 0.1), exponential_with_warmup(10, 0.5, 0.01)
     second = 0.5 * (0.1 + 0.9 * 0.5 * (1 + math.cos(math.pi / 100)))
     assert [cosine(i, 100) for i in (0, 1, 50, 100)] == pytest.approx([0.25, second, 0.55, 0.1])
@@ -58,7 +57,7 @@ def test_steps_run_in_order_at_the_scheduled_rates():
 
 @pytest.mark.parametrize(("first_bad", "noticed"), [(0, 0), (3, 10), (17, 19)])
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_a_loss_that_is_not_finite_stops_training_soon(first_bad, noticed, bad):
+def test_non_finite_loss_stops_training_soon(first_bad, noticed, bad):
     record = Recorder()
 
     def step(iteration, scale):
@@ -70,28 +69,28 @@ def test_a_loss_that_is_not_finite_stops_training_soon(first_bad, noticed, bad):
     assert len(record.calls) == noticed + 1
 
 
-def test_cancelling_stops_at_once():
+def test_cancelling_stops_training_at_once():
     record = Recorder(stop_after=3)
     with pytest.raises(Cancelled, match="test stage was cancelled"):
         record.train(10)
     assert len(record.calls) == 3
 
 
-@pytest.mark.parametrize("largest", [0.3, 0.0])
-def test_an_iteration_out_of_memory_is_repeated_in_parts_until_these_are_too_small(largest):
-    record, whole, seen = Recorder(total=6), Recorder(), []
+@pytest.mark.parametrize("largest_part", [0.3, 0.0])
+def test_iteration_out_of_memory_is_repeated_in_smaller_parts(largest_part):
+    record, whole, done = Recorder(total=6), Recorder(), []
 
     def step(iteration, scale):
         result = record.step(iteration, scale)
-        if scale > largest:
+        if scale > largest_part:
             raise torch.OutOfMemoryError("no memory left")
-        seen.append((iteration, scale))
+        done.append((iteration, scale))
         return result
 
-    if largest:
+    if largest_part:
         record.train(6, step)
-        assert seen == [(iteration, 0.25) for iteration in range(6) for _ in range(4)]
-        whole.train(6)  # as many steps of the same gradient as with memory enough, each counted
+        assert done == [(iteration, 0.25) for iteration in range(6) for _ in range(4)]
+        whole.train(6)  # the same steps without running out of memory
         assert record.value.item() == pytest.approx(whole.value.item())
         assert record.events[-1]["step"] == 6
     else:
@@ -101,33 +100,36 @@ def test_an_iteration_out_of_memory_is_repeated_in_parts_until_these_are_too_sma
     assert record.calls[:2] == [(0, 1.0), (0, 0.5)]
 
 
-def test_progress_counts_reports_the_last_step_and_estimates_the_rest():
-    record = Recorder(total=10)
+@pytest.mark.parametrize("done", [0, 990])
+def test_progress_estimates_the_rest_and_reports_the_last_step(done):
+    record = Recorder(total=done + 10)
+    if done:
+        record.progress.resume_at(done)
     record.progress.step()
     first = record.events[0]
-    assert (first["stage"], first["step"], first["total"], first["metrics"]) == ("test", 1, 10, {})
+    assert (first["stage"], first["step"], first["total"], first["metrics"]) == ("test", done + 1, done + 10, {})
     assert first["eta_s"] == pytest.approx(9 / first["rate"], rel=0.2, abs=0.1)
     record.progress.step(8)
     assert len(record.events) == 1  # at most four events a second
     record.progress.step(loss=0.123456)
-    assert record.events[-1]["step"] == 10 and record.events[-1]["metrics"] == {"loss": 0.1235}
+    assert record.events[-1]["step"] == done + 10 and record.events[-1]["metrics"] == {"loss": 0.1235}
 
 
-def test_adam_learns_the_bits_that_torch_does():
-    learned = []
+def test_adam_matches_torch_bit_by_bit():
+    networks = []
     for kind in (Adam, torch.optim.Adam):
         torch.manual_seed(0)
         network = torch.nn.Linear(5, 3)
         groups = [{"params": [network.weight], "lr": 0.1}, {"params": [network.bias]}]
-        optimizer, again = (kind(groups, lr=0.01, betas=(0.9, 0.99)) for _ in range(2))
+        optimizer, resumed = (kind(groups, lr=0.01, betas=(0.9, 0.99)) for _ in range(2))
         for _ in range(4):
             optimizer.zero_grad()
             (network(torch.ones(2, 5)) ** 2).sum().backward()
             optimizer.step()
-            again.load_state_dict(optimizer.state_dict())  # as a training that is resumed
-            optimizer, again = again, optimizer
-        learned.append(network)
-    ours, theirs = learned
+            resumed.load_state_dict(optimizer.state_dict())
+            optimizer, resumed = resumed, optimizer
+        networks.append(network)
+    ours, theirs = networks
     assert torch.equal(ours.weight, theirs.weight) and torch.equal(ours.bias, theirs.bias)
 
 

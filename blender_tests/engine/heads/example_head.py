@@ -1,4 +1,4 @@
-"""A head of one's own: random Fourier features and one linear layer. Importing this file registers it as `fourier`."""
+"""An example head of random Fourier features and one linear layer; importing this file registers it as `fourier`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,7 @@ from karf_engine.project.settings import HeadSettings
 
 
 class FourierHead(nn.Module):
-    """Logits are linear in sines and cosines of random projections of all inputs (Rahimi and Recht 2007).
-
-    Args:
-        n_in: width of encodings and prior features together.
-        n_out: number of logits.
-        width: number of projections.
-    """
+    """Logits are linear in sines and cosines of `width` random projections of all inputs (Rahimi and Recht 2007)."""
 
     def __init__(self, n_in: int, n_out: int, width: int) -> None:
         super().__init__()
@@ -25,13 +19,13 @@ class FourierHead(nn.Module):
         self.output = nn.Linear(2 * width, n_out)
 
     def forward(self, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None = None) -> Tensor:
-        """Logits [n, n_out] of encodings [n, P] and [n, D], and standardized prior features [n, F]."""
+        """Return logits [n, n_out] of encodings [n, P] and [n, D], and standardized prior features [n, F]."""
         angles = join_inputs(position_encoding, features, direction_encoding) @ self.projection
         return self.output(torch.cat([torch.sin(angles), torch.cos(angles)], dim=1))
 
 
 def fourier_head(sizes: HeadSizes, settings: HeadSettings) -> FourierHead:
-    """A fresh head of these sizes, as wide as the settings say."""
+    """Return a new head of these sizes, as wide as the settings say."""
     n_in = sizes.n_position + sizes.n_direction + sizes.n_features
     return FourierHead(n_in, sizes.n_out, settings.width)
 

@@ -1,4 +1,4 @@
-"""Heads by name: how they are called, how large they are, what is refused, and one of another file."""
+"""Heads and layers are built by name, also those of other files, and unknown names are rejected."""
 
 import pytest
 import torch
@@ -29,7 +29,7 @@ def small_inputs(n=6):
 
 @pytest.mark.parametrize("kind", HEADS)
 @pytest.mark.parametrize("n_direction", [0, 3])
-def test_heads_are_called_alike_and_their_output_is_not_rectified(kind, n_direction):
+def test_heads_give_unrectified_logits(kind, n_direction):
     torch.manual_seed(0)
     head = build_head(HeadSettings(head=kind, width=8), 9, n_direction, 7, n_out=4)
     position, features, direction = small_inputs()
@@ -37,7 +37,7 @@ def test_heads_are_called_alike_and_their_output_is_not_rectified(kind, n_direct
     assert logits.shape == (6, 4) and logits.min() < 0
 
 
-def test_plain_head_has_two_hidden_layers():
+def test_mlp_head_has_two_hidden_layers():
     head = build_head(HeadSettings(head="mlp", width=64), P, 0, FEATURES, n_out=2)
     assert count_parameters(head) == (319 * 64 + 64) + (64 * 64 + 64) + (64 * 2 + 2)
 
@@ -57,16 +57,16 @@ def n_parameters(**settings):
         {"variant": "none", "centers": 5},
     ],
 )
-def test_heads_of_equal_parameters_differ_from_the_full_block_by_less_than_one_in_a_hundred(choice):
+def test_matched_heads_have_as_many_parameters_as_the_full_block(choice):
     full = n_parameters(width=64, centers=choice.get("centers", 8))
     matched = n_parameters(width=64, match="parameters", **choice)
     assert abs(matched - full) < 0.01 * full < abs(n_parameters(width=64, **choice) - full)
-    assert n_parameters(width=64, match="parameters") == n_parameters(width=64)  # the full block matches itself
+    assert n_parameters(width=64, match="parameters") == n_parameters(width=64)
 
 
 @pytest.mark.parametrize("bandwidth, expected", [("eq5", 1.0), ("fastkan", 0.5**0.5), ("xkanerf", 0.5**0.5)])
 @pytest.mark.parametrize("learn", [True, False])
-def test_every_layer_of_a_head_has_the_centers_and_the_bandwidth_of_the_settings(bandwidth, expected, learn):
+def test_settings_reach_every_gaussian_layer_of_a_head(bandwidth, expected, learn):
     settings = HeadSettings(width=8, centers=5, bandwidth=bandwidth, learn_bandwidth=learn)
     head = build_head(settings, 9, 3, 7, n_out=4)
     gaussian_layers = [module for module in head.modules() if isinstance(module, GRBFLayer)]
@@ -77,21 +77,21 @@ def test_every_layer_of_a_head_has_the_centers_and_the_bandwidth_of_the_settings
         assert isinstance(layer.log_bandwidth, torch.nn.Parameter) == learn
 
 
-def test_settings_know_the_kinds_that_the_engine_brings():
+def test_settings_list_the_built_in_kinds():
     assert {"kan", "mlp"} <= set(HEADS) == set(HEAD_KINDS)
     assert {"grbf", "bspline", "mlp"} <= set(LAYERS) == set(LAYER_KINDS)
 
 
 @pytest.mark.parametrize("stage", ["segmentation", "recoloring"])
 @pytest.mark.parametrize(("key", "known"), [("head", "kan, mlp"), ("layer", "grbf, bspline, mlp")])
-def test_an_unknown_kind_is_refused_by_the_settings_with_those_that_there_are(stage, key, known):
+def test_settings_reject_unknown_kinds_and_list_known_ones(stage, key, known):
     with pytest.raises(BadRequest) as caught:
         with_overrides(Settings(), [f"{stage}.{key}=cnn"])
     assert caught.value.sentence == f"{stage}.{key} = 'cnn' is not allowed."
     assert caught.value.hint.startswith(f"Use one of: {known}")
 
 
-def test_an_unknown_head_and_a_second_of_one_name_are_refused():
+def test_unknown_heads_and_taken_names_are_rejected():
     with pytest.raises(BadRequest, match="cnn"):
         build_head(HeadSettings(head="cnn"), 9, 3, 7, n_out=4)
     with pytest.raises(BadRequest, match="kan"):
@@ -100,10 +100,9 @@ def test_an_unknown_head_and_a_second_of_one_name_are_refused():
         register_layer("grbf", lambda n_in, n_out, options: torch.nn.Linear(n_in, n_out))
 
 
-# -------------------------------------------------------------------------------------------------- one of another file
 @pytest.fixture
-def forgotten(monkeypatch):
-    """Registries that forget after the test what was added to them."""
+def restored(monkeypatch):
+    """Registries are restored after the test."""
     monkeypatch.setattr(registry, "HEADS", dict(HEADS))
     monkeypatch.setattr(layers, "LAYERS", dict(LAYERS))
     heads, kinds = HEAD_KINDS[:], LAYER_KINDS[:]
@@ -112,15 +111,14 @@ def forgotten(monkeypatch):
 
 
 @pytest.fixture
-def fourier(forgotten):
-    """The example is imported."""
+def fourier(restored):
     from blender_tests.engine.heads import example_head
 
-    register_head("fourier", example_head.fourier_head)  # once more: another test may have imported it
+    register_head("fourier", example_head.fourier_head)  # again, in case that another test has imported it
     return example_head
 
 
-def test_a_head_of_another_file_is_accepted_by_the_settings_built_and_matched_in_parameters(fourier):
+def test_external_head_is_built_and_matched_in_parameters(fourier):
     settings = with_overrides(Settings(), ["recoloring.head=fourier", "recoloring.width=8"]).recoloring
     head = build_head(settings, 9, 3, 7, n_out=4)
     assert isinstance(head, fourier.FourierHead) and head(*small_inputs()).shape == (6, 4)
@@ -128,12 +126,11 @@ def test_a_head_of_another_file_is_accepted_by_the_settings_built_and_matched_in
     assert n_parameters(head="fourier", width=16, match="parameters") == pytest.approx(full, rel=0.01)
 
 
-def test_a_head_of_another_file_learns_is_written_and_read_again(fourier, tmp_path):
+def test_external_head_learns_and_survives_saving(fourier, tmp_path):
     torch.manual_seed(0)
     settings = SegmentationSettings(head="fourier", width=32)
     karf = SegmentationField(torch.tensor([[[-1.0] * 3, [1.0] * 3]]), 4, settings)
-    positions = torch.rand(400, 3) * 2 - 1
-    features = torch.zeros(400, 4)
+    positions, features = torch.rand(400, 3) * 2 - 1, torch.zeros(400, 4)
     classes = (positions[:, 0] > 0).long()
     optimizer = torch.optim.Adam(karf.parameters(), lr=0.02)
     for _ in range(100):
@@ -143,11 +140,11 @@ def test_a_head_of_another_file_learns_is_written_and_read_again(fourier, tmp_pa
         optimizer.step()
     assert (karf(positions, features).argmax(1) == classes).float().mean() > 0.95
     save_segmentation(tmp_path / "f_s.safetensors", karf, ["pot"], settings)
-    again, _ = load_segmentation(tmp_path / "f_s.safetensors", 4)
-    assert torch.equal(again(positions, features), karf(positions, features))
+    loaded, _ = load_segmentation(tmp_path / "f_s.safetensors", 4)
+    assert torch.equal(loaded(positions, features), karf(positions, features))
 
 
-def test_a_layer_of_another_file_makes_a_gated_block(forgotten):
+def test_external_layer_makes_a_gated_block(restored):
     layers.register_layer("linear", lambda n_in, n_out, options: torch.nn.Linear(n_in, n_out))
     settings = with_overrides(Settings(), ["segmentation.layer=linear"]).segmentation
     head = build_head(settings, 9, 0, 7, n_out=4)

@@ -1,15 +1,16 @@
-"""The heads along a frozen scene's rays: each is asked once for each distinct sample; and what they are trained on."""
+"""Heads are evaluated once per distinct sample of a ray; their training fits into memory and has data."""
 
 import numpy as np
 import pytest
 import torch
 
+from blender_tests.engine.fields.fitting import learn_head, silent
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import DataError
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
 from karf_engine.heads.fields import RecoloringField, SegmentationField
-from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_recoloring
+from karf_engine.heads.fit import ObjectRays, fit_recoloring
 from karf_engine.heads.rendering import features_of, object_samples, render_classes, segment_cache, weigh_cache
 from karf_engine.heads.training_rays import BACKGROUND, ObjectSurface, training_rays
 from karf_engine.palettes.palette import Palette
@@ -17,21 +18,21 @@ from karf_engine.project.settings import RecoloringSettings, SegmentationSetting
 
 
 class Waves:
-    """A field of four features that counts how often it is asked for how many."""
+    """A field of four features that records the number of positions of each call."""
 
     n_features = 4
 
     def __init__(self):
-        self.asked = []
+        self.calls = []
 
     def features(self, positions):
-        self.asked.append(len(positions))
+        self.calls.append(len(positions))
         return torch.cat([torch.sin(5 * positions), positions[:, :1]], 1)
 
 
 @pytest.fixture
 def cache():
-    """40 rays of 8 quantiles, of which several fall on one sample, and some rays meet no object."""
+    """40 rays of 8 quantiles, some of them on the same sample; the last 10 rays meet no object."""
     random = torch.Generator().manual_seed(0)
     distances = torch.randint(0, 5, (40, 8), generator=random).float().sort(1).values
     origins, viewdirs = torch.rand(40, 3, generator=random) - 0.5, torch.zeros(40, 3)
@@ -50,65 +51,58 @@ def heads():
     return segmentation, recoloring
 
 
-def test_classes_are_those_of_all_quantiles_and_each_sample_is_asked_once(cache, heads):
+def test_classes_need_one_evaluation_per_distinct_sample(cache, heads):
     field, (segmentation, _) = Waves(), heads
-    every = render_classes(segmentation, cache.positions, features_of(Waves(), cache.positions), cache.opacity)
-    assert torch.allclose(segment_cache(segmentation, field, cache), every, atol=1e-6)
+    expected = render_classes(segmentation, cache.positions, features_of(Waves(), cache.positions), cache.opacity)
+    assert torch.allclose(segment_cache(segmentation, field, cache), expected, atol=1e-6)
     inside = cache.distances[:30]
-    assert sum(field.asked) == int((inside[:, 1:] != inside[:, :-1]).sum()) + 30
+    assert sum(field.calls) == int((inside[:, 1:] != inside[:, :-1]).sum()) + 30
 
 
-def test_one_evaluation_gives_the_masks_and_what_the_weights_need(cache, heads):
+def test_masks_and_weights_share_one_evaluation(cache, heads):
     field, (segmentation, recoloring) = Waves(), heads
     samples = object_samples(segmentation, field, cache)
     assert torch.equal(samples.rendered, segment_cache(segmentation, Waves(), cache))
     flat, features = cache.positions.view(-1, 3), features_of(Waves(), cache.positions).flatten(0, 1)
     directions = cache.viewdirs.repeat_interleave(8, 0)
     products = segmentation(flat, features)[:, 1:, None] * recoloring(flat, directions, features)
-    plain = products.view(40, 8, 2, 4).mean(1) * cache.opacity[:, None, None]
-    asked = list(field.asked)
-    assert torch.allclose(weigh_cache(recoloring, samples, cache), plain, atol=2 / 1024)
-    assert field.asked == asked
+    expected = products.view(40, 8, 2, 4).mean(1) * cache.opacity[:, None, None]
+    calls = list(field.calls)
+    assert torch.allclose(weigh_cache(recoloring, samples, cache), expected, atol=2 / 1024)
+    assert field.calls == calls
 
 
-@pytest.mark.parametrize(("iterations", "asked"), [(2, [40, 128, 128]), (40, [40, 320])])
-def test_features_of_a_training_are_asked_once_where_that_is_less_work(cache, heads, iterations, asked):
+@pytest.mark.parametrize(("iterations", "calls"), [(2, [40, 128, 128]), (40, [40, 320])])
+def test_training_evaluates_features_once_if_that_is_less_work(cache, heads, iterations, calls):
     """40 rays in batches of 16: two iterations do not draw all of them, forty draw each many times."""
     field, settings = Waves(), RecoloringSettings(iterations=iterations, batch=16, width=8)
     palettes, block = torch.rand(2, 4, 3), torch.arange(40) % 2
     rays = ObjectRays(cache.positions, cache.viewdirs, torch.rand(40, 3), torch.zeros(40).long(), block,
                       torch.rand(40, 4), torch.ones(40, dtype=torch.bool), torch.ones(40))  # fmt: skip
     karf = RecoloringField(heads[0].bounds, 4, [4, 4], settings)
-    progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", iterations)
-    fit_recoloring(karf, field, rays, palettes, settings, start_runtime(0, 1, "cpu"), progress)
-    assert field.asked == asked  # first for the standardizer
+    fit_recoloring(karf, field, rays, palettes, settings, start_runtime(0, 1, "cpu"), silent())
+    assert field.calls == calls  # the first call is for the standardizer
 
 
-def test_a_batch_too_large_for_the_memory_is_seen_whole_in_parts(monkeypatch):
-    most, seen, events = 13, [], []
-    logits = SegmentationField.logits
+def test_batch_too_large_for_memory_is_processed_in_parts(monkeypatch):
+    sizes, events, logits = [], [], SegmentationField.logits
 
-    def remember(karf, positions, features):
-        if len(positions) > most:
+    def limited(karf, positions, features):
+        if len(positions) > 13:
             raise torch.OutOfMemoryError("no memory left")
-        seen.append(len(positions))
+        sizes.append(len(positions))
         return logits(karf, positions, features)
 
-    monkeypatch.setattr(SegmentationField, "logits", remember)
-    runtime = start_runtime(0, 1, "cpu")
-    positions = torch.rand(200, 3, generator=runtime.generator) * 2 - 1
+    monkeypatch.setattr(SegmentationField, "logits", limited)
     settings = SegmentationSettings(iterations=10, batch=64, width=8)
-    karf = SegmentationField(torch.tensor([[[-1.0] * 3, [1.0] * 3]]), 4, settings)
     progress = Progress(lambda kind, **values: events.append(values), lambda: False, "segmentation", 10)
-    classes, near = (positions[:, 0] > 0).long(), positions[:, 0].abs() < 0.2
-    fit_on_points(karf, Waves(), positions, classes, torch.ones(200), near, near, settings, runtime, progress)
-    assert sum(seen) >= 10 * 0.9 * settings.batch
+    learn_head("points", Waves(), settings, start_runtime(0, 1, "cpu"), progress)
+    assert sum(sizes) >= 10 * 0.9 * settings.batch
     assert events[-1]["step"] == 10
 
 
-# -------------------------------------------------------------------------------------------------------- training rays
 def rays_of(owners):
-    """Training rays of a surface of one red sample for each of these object numbers."""
+    """Training rays of a surface with one red sample for each of these object numbers."""
     n, palette = len(owners), np.array([[0, 0, 0], [1, 0, 0]], np.float32)
     colors = torch.tensor([[255, 0, 0]], dtype=torch.uint8).expand(n, 3)
     owner, view = torch.tensor(owners, dtype=torch.uint8), torch.zeros(n, dtype=torch.int16)
@@ -117,10 +111,9 @@ def rays_of(owners):
     return training_rays(None, surface, [Palette(name, palette) for name in ("ball", "block")], RecoloringSettings())
 
 
-def test_one_object_or_the_background_alone_is_enough_and_nothing_is_refused_with_a_remedy():
+def test_training_needs_surface_points_of_an_object_or_the_background():
     for owners in ([1], [BACKGROUND]):
-        weights = rays_of(owners).weights
-        assert len(weights) == 1 and weights.sum() == 1
+        assert rays_of(owners).weights.sum(1).tolist() == [1]
     with pytest.raises(DataError) as caught:
         rays_of([])
     assert caught.value.sentence == "The segmentation has no surface points of 'ball', 'block'."

@@ -1,4 +1,4 @@
-"""Folders whose names are not UTF-8, which Linux allows: every kind of file works there, or a sentence says why not."""
+"""Every kind of file works in folders whose names are not UTF-8 (as Linux allows), or an error says why not."""
 
 import os
 from pathlib import Path
@@ -22,7 +22,7 @@ from karf_engine.io.images import read_photo, write_png
 from karf_engine.splats.formats.registry import read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 
-ODD = os.fsdecode(b"caf\xe9")  # in Latin-1, as an old disk has it
+ODD = os.fsdecode(b"caf\xe9")  # Latin-1, as on an old disk
 COLOR = np.full((8, 8, 3), 0.5, np.float32)
 
 
@@ -32,7 +32,7 @@ def folder(tmp_path):
     try:
         made.mkdir()
     except OSError:
-        pytest.skip("this system's names are Unicode")
+        pytest.skip("file names are Unicode on this system")
     return made
 
 
@@ -75,21 +75,21 @@ def gaussians(path):
     assert len(read_splats(path).table) == 9
 
 
-def file_of_such_a_name(path):
+def file_with_odd_name(path):
     path = path.with_name(ODD)
     path.write_bytes(b"content")
     with library_path(path) as readable:
         assert Path(readable).read_bytes() == b"content"
 
 
-WORKS = [(tensors, "scene.safetensors"), (json, "edit.json"), (picture, "photo.png"), (frame, "frame.exr")]
-WORKS += [(film, "film.mp4"), (file_of_such_a_name, "any")]
-WORKS += [(gaussians, f"cloud{end}") for end in ENDS if not end.startswith(".usd")]
+ROUND_TRIPS = [(tensors, "scene.safetensors"), (json, "edit.json"), (picture, "photo.png"), (frame, "frame.exr")]
+ROUND_TRIPS += [(film, "film.mp4"), (file_with_odd_name, "any")]
+ROUND_TRIPS += [(gaussians, f"cloud{end}") for end in ENDS if not end.startswith(".usd")]
 
 
-@pytest.mark.parametrize(("work", "name"), WORKS)
-def test_a_file_there_is_written_and_read(folder, work, name):
-    work(folder / name)
+@pytest.mark.parametrize(("round_trip", "name"), ROUND_TRIPS)
+def test_file_in_non_utf8_folder_is_written_and_read(folder, round_trip, name):
+    round_trip(folder / name)
 
 
 def usd(path):
@@ -104,6 +104,6 @@ def configuration(path):
 
 
 @pytest.mark.parametrize(("work", "name"), [(usd, "a.usda"), (usd, "a.usdc"), (configuration, "config.ocio")])
-def test_where_a_library_takes_only_unicode_the_path_and_the_remedy_are_named(folder, work, name):
+def test_unicode_only_library_error_names_the_path_and_a_remedy(folder, work, name):
     with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translate_errors():
         work(folder / name)

@@ -1,4 +1,4 @@
-"""Color science against published tables."""
+"""Color conversions and differences, compared with published values."""
 
 import numpy as np
 import pytest
@@ -7,23 +7,23 @@ from numpy.testing import assert_allclose
 from karf_engine.io.color import ciede2000, lab_to_srgb, linear_to_srgb, srgb_to_lab, srgb_to_linear
 
 
-def test_lab_of_primaries_is_as_published():
+def test_lab_of_primaries_matches_published_values():
     srgb = [[1, 1, 1], [0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     lab = [[100, 0, 0], [0, 0, 0], [53.24, 80.09, 67.20], [87.73, -86.18, 83.18], [32.30, 79.19, -107.86]]
     assert_allclose(srgb_to_lab(np.array(srgb, float)), lab, atol=0.01)  # D65, 2 degrees
 
 
-def test_srgb_curve_has_its_published_points_and_inverts():
+def test_srgb_curve_matches_published_points_and_inverts():
     # 0.5 -> 0.2140; the linear piece ends at 0.04045 / 12.92
     assert_allclose(srgb_to_linear([0, 0.04045, 0.5, 1]), [0, 0.0031308, 0.2140411, 1], atol=1e-7)
     values = np.linspace(0, 1, 1001)
     assert_allclose(linear_to_srgb(srgb_to_linear(values)), values, atol=1e-7)
 
 
-def test_lab_inverts_also_beyond_what_a_screen_shows():
+def test_lab_conversion_inverts_outside_the_srgb_gamut():
     srgb = np.random.default_rng(0).uniform(-0.2, 1.4, (500, 3)).clip(0.01)
     assert_allclose(lab_to_srgb(srgb_to_lab(srgb)), srgb, atol=1e-6)
-    assert (lab_to_srgb(np.array([60.0, 90, -90])) > 1).any()  # no screen has this violet
+    assert (lab_to_srgb(np.array([60.0, 90, -90])) > 1).any()  # a violet outside the gamut
 
 
 @pytest.mark.parametrize(
@@ -41,11 +41,11 @@ def test_lab_inverts_also_beyond_what_a_screen_shows():
         ([2.0776, 0.0795, -1.1350], [0.9033, -0.0636, -0.5514], 0.9082),
     ],
 )
-def test_ciede2000_is_as_published(first, second, difference):
+def test_ciede2000_matches_published_values(first, second, difference):
     assert_allclose([ciede2000(first, second), ciede2000(second, first)], difference, atol=1e-4)
 
 
-def test_ciede2000_is_that_of_scikit_image():
+def test_ciede2000_matches_scikit_image():
     skimage = pytest.importorskip("skimage.color")
     lab = np.random.default_rng(0).uniform((0, -90, -90), (100, 90, 90), (2, 20000, 3))
     assert_allclose(ciede2000(*lab), skimage.deltaE_ciede2000(*lab), atol=1e-9)

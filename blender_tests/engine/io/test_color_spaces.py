@@ -1,4 +1,4 @@
-"""Photos and layers in named color spaces: read as sRGB and written back in their own, to a step of 16 bits."""
+"""Photos and layers in named color spaces are read as sRGB and written back within one 16-bit step."""
 
 import sys
 from dataclasses import replace
@@ -53,7 +53,7 @@ def no_configuration(monkeypatch):
 
 
 def grays_and_random_colors():
-    """All grays of 16 bits, and random colors of them, many of them saturated."""
+    """All 16-bit grays, and random colors of which many are saturated."""
     random = np.random.default_rng(0).integers(0, 65536, (60_000, 3))
     random[:20_000] = np.where(random[:20_000] < 32768, 0, random[:20_000])
     random[20_000:30_000] = np.where(random[20_000:30_000] < 32768, 0, 65535)
@@ -62,16 +62,15 @@ def grays_and_random_colors():
 
 
 @pytest.mark.parametrize("name", SPACES)
-def test_colors_survive_the_way_to_another_space_and_back(name):
+def test_colors_survive_a_round_trip_to_another_space(name):
     space, colors = color_space(name), grays_and_random_colors()
     assert np.abs(space.to_srgb(space.from_srgb(colors)) - colors).max() < STEP
     seen = space.to_srgb(colors)
     is_inside = ((seen >= 0) & (seen <= 1)).all(-1)
-    assert is_inside.sum() > 100
-    assert np.abs(space.from_srgb(seen) - colors)[is_inside].max() < STEP
+    assert is_inside.sum() > 100 and np.abs(space.from_srgb(seen) - colors)[is_inside].max() < STEP
 
 
-def test_values_are_those_of_the_standards():
+def test_conversions_match_the_standards():
     colors = grays_and_random_colors()
     assert_allclose(color_space("Linear Rec.709 (sRGB)").from_srgb(colors), srgb_to_linear(colors), atol=1e-6)
     # Bradford's adaptation from D65 to ACES white
@@ -79,13 +78,13 @@ def test_values_are_those_of_the_standards():
 
 
 def photo_in(path, space):
-    """A 16-bit photo of random colors in a space, as its file holds them."""
+    """The stored pixels and the view of a 16-bit photo of random colors in a space."""
     stored = np.random.default_rng(1).integers(0, 65536, (32, 32, 3), dtype=np.uint16)
     path.write_bytes(encode_image(".png", stored))
     return stored, View("a", "a", camera_at(0.3, 0.5), path, "train", space=space)
 
 
-def test_photos_are_seen_as_srgb_by_training_and_at_full_size(tmp_path):
+def test_photos_are_converted_to_srgb(tmp_path):
     space = color_space("sRGB Encoded P3-D65")
     stored, view = photo_in(tmp_path / "a.png", space)
     expected = np.clip(space.to_srgb(stored / 65535), 0, 1)
@@ -94,7 +93,7 @@ def test_photos_are_seen_as_srgb_by_training_and_at_full_size(tmp_path):
     assert np.abs(read_photo_of_view(replace(view, space=None)) - expected).max() > 0.05
 
 
-def test_light_of_an_exr_is_converted_before_its_alpha_is_put_back(tmp_path):
+def test_exr_colors_are_converted_without_premultiplied_alpha(tmp_path):
     space = color_space("ACEScg")
     colors, alpha = np.random.default_rng(2).uniform(0.1, 0.8, (32, 32, 3)), np.full((32, 32, 1), 0.5)
     light = np.dstack([space.from_srgb(colors) * alpha, alpha]).astype(np.float32)
@@ -107,7 +106,7 @@ def test_light_of_an_exr_is_converted_before_its_alpha_is_put_back(tmp_path):
 
 
 @pytest.mark.parametrize("name", SPACES)
-def test_recolored_photos_are_written_in_their_own_space_and_unchanged_pixels_keep_their_bits(tmp_path, name):
+def test_recolored_photos_keep_their_space_and_unchanged_pixels(tmp_path, name):
     space = color_space(name)
     stored, view = photo_in(tmp_path / "a.png", space)
     photo = open_photo(view.image, space).copy()
@@ -122,7 +121,7 @@ def test_recolored_photos_are_written_in_their_own_space_and_unchanged_pixels_ke
     assert_array_equal(pixels[16:], stored[16:])
     apart = np.abs(pixels - np.rint(np.clip(wanted, 0, 1) * 65535))[:16]
     assert apart[is_inside].max() <= 1
-    # colors that no sRGB picture shows change by as much as the edit changes what is shown of them
+    # colors outside sRGB change by as much as the edit changes their clipped colors
     assert (pixels[:16] != stored[:16]).any(-1).mean() > 0.8
 
 
@@ -140,7 +139,7 @@ def test_layers_hold_the_base_picture_in_the_named_space(tmp_path):
     assert "chromaticities" not in header
 
 
-def test_a_capture_remembers_the_space_of_its_photos_and_one_without_is_as_it_was(tmp_path):
+def test_capture_stores_a_color_space_only_where_one_is_set(tmp_path):
     _, view = photo_in(tmp_path / "a.png", None)
     plain = Capture(tmp_path, "llff", (view,))
     before = capture_to_json(plain)
@@ -158,7 +157,7 @@ def config(tmp_path):
     return tmp_path / "config.ocio"
 
 
-def test_a_configuration_is_found_by_its_path_or_the_environment(config, monkeypatch):
+def test_configuration_is_found_by_path_or_environment(config, monkeypatch):
     space, light = color_space("the studio", str(config)), np.array([0.1, 0.4, 0.9])
     assert space == ColorSpace("the studio", str(config))
     assert_allclose(space.to_srgb(np.sqrt(light)), color_space("ACES2065-1").to_srgb(light), atol=1e-5)
@@ -166,24 +165,25 @@ def test_a_configuration_is_found_by_its_path_or_the_environment(config, monkeyp
     assert color_space("studio") == ColorSpace("studio", str(config))
 
 
-WITHOUT_ROLE = CONFIG.replace("  aces_interchange: plain\n", "")
-
-
 @pytest.mark.parametrize(
     ("content", "error", "words"),
     [
         ("colorspaces: 3", DataError, r"config\.ocio cannot be read"),
         ("ocio_profile_version: 99", DataError, r"config\.ocio cannot be read"),
-        (WITHOUT_ROLE, BadRequest, r"'studio' of the color configuration .* no way to sRGB.*interchange roles"),
+        (
+            CONFIG.replace("  aces_interchange: plain\n", ""),
+            BadRequest,
+            r"'studio' of the color configuration .* no way to sRGB.*interchange roles",
+        ),
     ],
 )
-def test_a_configuration_that_does_not_serve_is_refused(config, content, error, words):
+def test_unusable_configuration_is_rejected(config, content, error, words):
     config.write_text(content)
     with pytest.raises(error, match=words):
         color_space("studio", str(config))
 
 
-def test_an_unknown_space_is_named_with_the_nearest_ones_and_a_missing_package_with_its_extra(monkeypatch):
+def test_unknown_space_and_missing_package_give_helpful_errors(monkeypatch):
     with pytest.raises(BadRequest, match=r"no color space 'ACES cg'.*built-in.* Nearest: ACEScg"):
         color_space("ACES cg")
     color_spaces._config.cache_clear(), color_spaces._check.cache_clear()
@@ -193,11 +193,12 @@ def test_an_unknown_space_is_named_with_the_nearest_ones_and_a_missing_package_w
 
 
 @pytest.mark.parametrize("make", NO_FILES)
-def test_what_is_no_file_is_named_and_never_waited_for(make, config, monkeypatch):
+def test_configuration_that_is_no_file_is_rejected_without_waiting(make, config, monkeypatch):
     monkeypatch.setattr(limited, "LEAST_SECONDS", 3)
-    make(config.with_name("no_file"))
+    path = config.with_name("no_file")
+    make(path)
     with pytest.raises(DataError, match=r"no_file is a .*, not a file"):
-        color_space("studio", str(config.with_name("no_file")))
-    config.write_text(CONFIG.replace(EXPONENT, f"<FileTransform> {{src: {config.with_name('no_file')}}}"))
+        color_space("studio", str(path))
+    config.write_text(CONFIG.replace(EXPONENT, f"<FileTransform> {{src: {path}}}"))
     with pytest.raises(KarfError, match=r"config\.ocio (cannot be read: it|has no way to sRGB: .*no_file)"):
         color_space("studio", str(config))

@@ -1,4 +1,4 @@
-"""Files that are written keep links and rights, a failure names the file, and no link leads out of a stranger's folder."""
+"""Written files keep links and modes, write errors name the file, and links must not leave a project."""
 
 import errno
 import os
@@ -11,8 +11,8 @@ from karf_engine.io import files
 from karf_engine.io.containment import check_tree, checked_path
 from karf_engine.io.files import atomic_write, copy_file, write_json
 
-POSIX = pytest.mark.skipif(os.name == "nt", reason="rights, and folders that are flushed, are of POSIX")
-LINKS = pytest.mark.skipif(os.name == "nt", reason="links need a right on Windows")
+POSIX = pytest.mark.skipif(os.name == "nt", reason="file modes and flushing folders are POSIX features")
+LINKS = pytest.mark.skipif(os.name == "nt", reason="links need a privilege on Windows")
 DISK_FULL = RuntimeError("Error while serializing: I/O error: No space left on device (os error 28)")
 
 
@@ -25,7 +25,7 @@ DISK_FULL = RuntimeError("Error while serializing: I/O error: No space left on d
         (RuntimeError("unable to write"), errno.ENOSPC, errno.ENOSPC),  # a library that gives no reason
     ],
 )
-def test_what_could_not_be_written_is_named_and_not_what_it_came_from(tmp_path, monkeypatch, raised, probed, number):
+def test_write_errors_name_the_target_file(tmp_path, monkeypatch, raised, probed, number):
     def write(temporary):
         temporary.write_text("half")
         raise raised
@@ -37,7 +37,7 @@ def test_what_could_not_be_written_is_named_and_not_what_it_came_from(tmp_path, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_errors_of_another_kind_and_of_the_source_stay_what_they_are(tmp_path):
+def test_other_errors_and_source_errors_stay_unchanged(tmp_path):
     with pytest.raises(ZeroDivisionError):
         atomic_write(tmp_path / "a.exr", lambda temporary: 1 / 0)
     with pytest.raises(FileNotFoundError) as caught:
@@ -52,14 +52,14 @@ def path(tmp_path):
 
 
 @LINKS
-def test_a_linked_file_stays_a_link_and_what_it_leads_to_is_written(path):
+def test_writing_through_a_link_changes_its_target(path):
     link = path.with_name("blue.json")
     link.symlink_to("edit.json")
     write_json(link, {"new": True})
     assert link.is_symlink() and "new" in path.read_text()
 
 
-def test_a_read_only_file_is_refused_and_stays_as_it_is(path):
+def test_read_only_file_is_not_overwritten(path):
     path.chmod(0o444)
     with pytest.raises(PermissionError) as caught:
         write_json(path, {"new": True})
@@ -68,7 +68,7 @@ def test_a_read_only_file_is_refused_and_stays_as_it_is(path):
 
 
 @POSIX
-def test_a_file_keeps_its_rights_and_its_rename_is_flushed_with_the_folder(path, monkeypatch):
+def test_overwriting_keeps_the_mode_and_flushes_the_folder(path, monkeypatch):
     flushed = []
     monkeypatch.setattr(os, "fsync", lambda handle: flushed.append(Path(f"/proc/self/fd/{handle}").readlink()))
     path.chmod(0o640)
@@ -91,7 +91,7 @@ def project(tmp_path):
     "target", ["..", "../other", "../secret.txt", "/dev/zero", "../not_there", "/", "masks/../../other"]
 )
 @pytest.mark.parametrize("names", [("looks",), ("looks", "a", "b.npz"), ("masks", "link", "r_0.png")])
-def test_a_link_that_leads_out_is_named_with_its_target(project, target, names):
+def test_link_that_leaves_the_project_is_rejected(project, target, names):
     link = project / ("masks/link" if "link" in names else names[0])
     link.symlink_to(target if target.startswith("/") else project / target)
     with pytest.raises(DataError) as caught:
@@ -100,7 +100,7 @@ def test_a_link_that_leads_out_is_named_with_its_target(project, target, names):
 
 
 @LINKS
-def test_links_within_the_folder_are_followed_but_not_in_a_circle(project, tmp_path):
+def test_links_within_the_folder_are_followed_except_cycles(project, tmp_path):
     (project / "planes").symlink_to("masks")
     (tmp_path / "shortcut").symlink_to(project)
     assert checked_path(tmp_path / "shortcut", "planes", "r_0.npz") == tmp_path / "shortcut" / "planes" / "r_0.npz"
@@ -111,7 +111,7 @@ def test_links_within_the_folder_are_followed_but_not_in_a_circle(project, tmp_p
 
 
 @LINKS
-def test_a_tree_is_refused_for_any_link_in_it_that_leads_out_and_not_for_one_to_nothing(project):
+def test_tree_with_a_link_that_leaves_it_is_rejected(project):
     (project / "masks" / ".tmp.sync").symlink_to("nowhere")
     assert check_tree(project, project / "masks") == project / "masks"
     (project / "masks" / "pot" / "r_0.png").symlink_to(project.parent / "secret.txt")

@@ -1,4 +1,4 @@
-"""Options of commands and values of any type: what fits is taken, what does not is refused by name in every way in."""
+"""Command options and argument checks: valid values are accepted, wrong ones rejected by name."""
 
 import dataclasses
 import inspect
@@ -19,7 +19,7 @@ from karf_engine.io.arguments import check_arguments, check_array, check_number,
 from karf_engine.io.options import Options
 
 CAPTURE, PROJECT, OUT = {"capture": "capture"}, {"project": "project"}, {"out": "out"}
-TAKEN = {  # each command's function of the library, and the least that it takes
+REQUIRED = {  # each command's library function and its required options
     "poses": ("find_poses", {"photos": "photos"} | OUT),
     "import-splat": ("import_splat", {"splat": "scene.ply"} | OUT),
     "inspect": ("inspect_capture", CAPTURE),
@@ -39,18 +39,18 @@ TAKEN = {  # each command's function of the library, and the least that it takes
 }
 
 
-def refused(kind, **values):
+def rejection(kind, **values):
     with pytest.raises(BadRequest) as caught:
         kind.of(**values)
     return str(caught.value)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_takes_what_it_needs_and_refuses_what_is_missing_or_misspelled(command):
-    kind, (_, needed) = COMMANDS[command], TAKEN[command]
+def test_command_options_round_trip_and_reject_mistakes(command):
+    kind, (_, needed) = COMMANDS[command], REQUIRED[command]
     for name in needed:
-        assert name in refused(kind, **{other: value for other, value in needed.items() if other != name})
-    assert refused(kind, **needed, thread=1) == "Unknown option thread. Did you mean threads?"
+        assert name in rejection(kind, **{other: value for other, value in needed.items() if other != name})
+    assert rejection(kind, **needed, thread=1) == "Unknown option thread. Did you mean threads?"
     options = kind.of(**needed, threads=2)
     assert kind.from_json(json.loads(json.dumps(options.to_json()))) == options
     positional = [needed[item.name] for item in dataclasses.fields(options) if item.metadata["positional"]]
@@ -58,20 +58,20 @@ def test_a_command_takes_what_it_needs_and_refuses_what_is_missing_or_misspelled
 
 
 @pytest.mark.parametrize("command", COMMANDS.keys() - {"match"})
-def test_a_function_of_the_library_shows_and_explains_every_option(command):
-    found = getattr(karf, TAKEN[command][0])
+def test_library_function_documents_every_option(command):
+    found = getattr(karf, REQUIRED[command][0])
     names = {item.name for item in dataclasses.fields(COMMANDS[command])} - {"source"}
     assert names <= set(inspect.signature(found).parameters)
     assert all(f"{name}:" in found.__doc__ for name in names)
 
 
-def test_texts_become_paths_and_lists_become_tuples():
+def test_strings_become_paths_and_lists_become_tuples():
     options = RenderOptions.of(project="a", edit=["b.json", Path("c.json")], overrides=["render.edges=field"])
     assert options.project == Path("a") and options.edit == (Path("b.json"), Path("c.json"))
     assert options.overrides == ("render.edges=field",)
 
 
-def test_a_job_of_an_earlier_version_is_understood():
+def test_job_of_an_earlier_version_is_accepted():
     values = {"views": "r_0", "edit": None, "out": None, "planes": True, "depth": False, "base": "photo", "threads": 2}
     options = options_of_job("render", Path("project"), values)
     assert (options.views, options.planes, options.base, options.out) == ("r_0", True, "photo", None)
@@ -87,12 +87,12 @@ def test_a_job_of_an_earlier_version_is_understood():
         (Options, {"threads": True}, "whole number"),
     ],
 )
-def test_values_that_do_not_go_together_or_are_out_of_range_are_refused(kind, values, words):
-    assert words in refused(kind, **values)
+def test_inconsistent_or_out_of_range_values_are_rejected(kind, values, words):
+    assert words in rejection(kind, **values)
 
 
 @pytest.mark.parametrize(
-    ("value", "kind", "of_a_program", "of_json"),
+    ("value", "kind", "from_python", "from_json"),
     [
         (3, int, 3, 3),
         (True, int, MISSING, MISSING),
@@ -115,13 +115,13 @@ def test_values_that_do_not_go_together_or_are_out_of_range_are_refused(kind, va
         (3, Any, 3, 3),
     ],
 )
-def test_what_fits_is_taken_and_json_is_converted(value, kind, of_a_program, of_json):
-    for wanted, is_json in ((of_a_program, False), (of_json, True)):
+def test_values_are_checked_and_json_is_converted(value, kind, from_python, from_json):
+    for wanted, is_json in ((from_python, False), (from_json, True)):
         found = coerce(value, kind, is_json)
         assert found is MISSING if wanted is MISSING else (found == wanted and type(found) is type(wanted))
 
 
-def test_types_and_values_have_words():
+def test_types_and_values_are_described_in_words():
     assert describe_type(int | None) == "a whole number or None"
     assert describe_type(tuple[str, ...]) == "a tuple, each a text"
     assert describe_type(tuple[float, float], is_json=True) == "a list of 2 values"
@@ -147,7 +147,7 @@ def double(number: int) -> int:
         (lambda: coerce(["a\0"], tuple[Path, ...], is_json=True), BadRequest, "zero character"),
     ],
 )
-def test_what_does_not_fit_is_refused_in_a_sentence(check, error, words):
+def test_wrong_arguments_give_readable_errors(check, error, words):
     assert double(2) == 4
     with pytest.raises(error, match=words):
         check()

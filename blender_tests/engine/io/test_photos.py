@@ -1,4 +1,4 @@
-"""Photos in and out: every kind of file in every orientation, alpha, linear light, and palettes."""
+"""Reading and writing photos: every kind of file and orientation, alpha, linear light, and palettes."""
 
 import struct
 import zlib
@@ -48,7 +48,7 @@ def gray_tiff(order):
 
 
 def png(path, pixels, orientation):
-    """A 16-bit PNG by hand."""
+    """Write a 16-bit PNG without a library."""
     height, width, channels = pixels.shape
     chunks = {
         b"IHDR": struct.pack(">IIBBBBB", width, height, 16, PNG_COLORS[channels], 0, 0, 0),
@@ -63,7 +63,7 @@ def png(path, pixels, orientation):
 
 
 def tiff(order="<", extra=None):
-    """A writer of uncompressed 16-bit TIFF 6.0 by hand; extra: what ExtraSamples says of the fourth channel."""
+    """A writer of uncompressed 16-bit TIFF 6.0 without a library; `extra` is the value of ExtraSamples."""
 
     def write(path, pixels, orientation=1):
         height, width, channels = pixels.shape
@@ -89,8 +89,8 @@ RGB, RGBA = random_bytes(5, 7, 3), random_bytes(5, 7, 4)
 DEEP_RGBA = np.random.default_rng(5).integers(0, 65536, (5, 7, 4), np.uint16)
 DEEP = DEEP_RGBA[..., :3].copy()
 LIGHT = np.random.default_rng(6).random((5, 7, 3), np.float32)
-BLOCK = np.pad(np.full((8, 8), 255, np.uint8), ((0, 8), (0, 24)))  # JPEG keeps it
-TURNED = {  # kinds that say how they are turned: the file's name, its writer, and the pixels as stored
+BLOCK = np.pad(np.full((8, 8), 255, np.uint8), ((0, 8), (0, 24)))  # aligned to blocks, so that JPEG keeps it
+TURNED = {  # kinds with an orientation: file name, writer, and stored pixels
     "RGB": ("a.png", by_pillow, RGB),
     "RGBA": ("a.png", by_pillow, RGBA),
     "gray": ("a.png", by_pillow, RGB[..., 0]),
@@ -120,7 +120,7 @@ UPRIGHT = {
 
 
 def displayed(name, pixels):
-    """Stored pixels as colors in [0, 1] with the alpha that they have, and how exactly files of the kind hold them."""
+    """Stored pixels as colors in [0, 1] with their alpha, and the tolerance of this kind of file."""
     tolerance = {"a.jpg": 0.05, "a.exr": 1e-3 if pixels.dtype == np.float16 else 1e-6}.get(name, 1e-7)
     if pixels.dtype.kind == "u":
         pixels = pixels / np.iinfo(pixels.dtype).max
@@ -132,14 +132,14 @@ def displayed(name, pixels):
 
 
 def turned(pixels, orientation):
-    """Exif 2.3: where the first stored row and column are seen."""
+    """Pixels as displayed for an orientation of Exif 2.3."""
     turns = {1: 0, 2: 0, 3: 2, 4: 2, 5: 3, 6: 3, 7: 1, 8: 1}[orientation]
     pixels = np.rot90(pixels, turns)
     return pixels[:, ::-1] if orientation in (2, 4, 5, 7) else pixels
 
 
 @pytest.mark.parametrize("kind", [*TURNED, *UPRIGHT])
-def test_every_kind_is_read_with_its_depth_upright_and_as_stored(tmp_path, kind):
+def test_every_kind_is_read_upright_and_as_stored(tmp_path, kind):
     name, write, pixels = (TURNED | UPRIGHT)[kind]
     colors, tolerance = displayed(name, pixels)
     for orientation in range(1, 9) if kind in TURNED else [1]:
@@ -156,12 +156,12 @@ def test_every_kind_is_read_with_its_depth_upright_and_as_stored(tmp_path, kind)
 
 @pytest.mark.parametrize("options", [{"lossless": True}, {"lossless": False}, {"exif": b"Exif\0\0"}])
 @pytest.mark.parametrize("channels", [3, 4])
-def test_webp_of_every_chunk_has_its_size(tmp_path, options, channels):
+def test_size_of_webp_is_read_for_every_chunk_type(tmp_path, options, channels):
     Image.fromarray(random_bytes(21, 37, channels)).save(tmp_path / "a.webp", **options)
     assert image_size(tmp_path / "a.webp") == read_photo(tmp_path / "a.webp").shape[1::-1] == (37, 21)
 
 
-def test_rare_headers_have_their_size(tmp_path):
+def test_size_is_read_from_rare_headers(tmp_path):
     (tmp_path / "progressive.jpg").write_bytes(jpeg_head(300, 200, orientation=5))  # with a fill byte
     header = image_header(tmp_path / "progressive.jpg")
     assert (header.stored_size, header.display_size) == ((300, 200), (200, 300))
@@ -172,7 +172,7 @@ def test_rare_headers_have_their_size(tmp_path):
     assert image_size(tmp_path / "top_down.bmp") == (7, 5)
 
 
-def test_palette_pictures_become_rgb_and_keep_their_transparent_entry(tmp_path):
+def test_palette_pictures_become_rgb_and_keep_transparency(tmp_path):
     palette = Image.fromarray(np.array([[0, 1]], np.uint8)).convert("P")
     palette.putpalette([255, 0, 0, 0, 51, 255])
     palette.save(tmp_path / "palette.png")
@@ -181,7 +181,7 @@ def test_palette_pictures_become_rgb_and_keep_their_transparent_entry(tmp_path):
     assert_allclose(read_photo(tmp_path / "transparent.png"), [[[1, 0, 0, 0], [0, 0.2, 1, 1]]])
 
 
-def test_premultiplied_alpha_is_taken_off(tmp_path):
+def test_premultiplied_alpha_is_removed(tmp_path):
     pixels = np.array([[[20000, 10000, 0, 40000], [7, 7, 7, 0]]], np.uint16)
     tiff(extra=1)(tmp_path / "a.tif", pixels)
     assert_allclose(read_photo(tmp_path / "a.tif"), [[[0.5, 0.25, 0, 40000 / 65535], [0, 0, 0, 0]]], atol=1e-6)
@@ -192,7 +192,7 @@ def test_premultiplied_alpha_is_taken_off(tmp_path):
 
 
 @pytest.mark.parametrize(("kind", "tolerance"), [(np.float16, 1e-3), (np.float32, 1e-6)])
-def test_light_beyond_display_colors_is_clipped(tmp_path, kind, tolerance):
+def test_linear_light_beyond_display_range_is_clipped(tmp_path, kind, tolerance):
     light = np.array([[[0, 0.002, 0.18], [0.5, 1, 30]], [[np.nan, -1, np.inf], [0.25, 0.25, 0.25]]], kind)
     exr("RGB")(tmp_path / "a.exr", light)
     photo = read_photo(tmp_path / "a.exr")
@@ -202,7 +202,7 @@ def test_light_beyond_display_colors_is_clipped(tmp_path, kind, tolerance):
 
 
 @pytest.mark.parametrize(("left", "top"), [(1, 2), (-2, -1)])
-def test_exr_pictures_are_as_large_as_their_display_window(tmp_path, left, top):
+def test_exr_pictures_fill_their_display_window(tmp_path, left, top):
     light = LIGHT[:3, :4, 0].copy()
     window = {"displayWindow": ((0, 0), (5, 6)), "dataWindow": ((left, top), (left + 3, top + 2))}
     OpenEXR.File(window, {"Y": light}).write(str(tmp_path / "a.exr"))
@@ -213,7 +213,7 @@ def test_exr_pictures_are_as_large_as_their_display_window(tmp_path, left, top):
     assert image_size(tmp_path / "a.exr") == (6, 7)
 
 
-def test_exr_files_without_colors_are_named(tmp_path):
+def test_exr_without_color_channels_is_rejected(tmp_path):
     exr("Z")(tmp_path / "a.exr", np.ones((2, 2), np.float32))
     with pytest.raises(DataError, match=r"a\.exr cannot be read as a picture: it has no colors among its channels Z"):
         read_photo(tmp_path / "a.exr")
@@ -237,13 +237,13 @@ def test_eight_bit_colors_survive_a_round_trip(tmp_path, pixels):
     ],
     ids=["deep", "floats", "bool"],
 )
-def test_gray_is_written_as_given_and_floats_are_rounded_to_the_nearest_byte(tmp_path, array, stored):
+def test_gray_is_written_unchanged_and_floats_are_rounded_to_bytes(tmp_path, array, stored):
     write_png(tmp_path / "a.png", array)
     assert_array_equal(np.asarray(Image.open(tmp_path / "a.png")), stored)
 
 
 @pytest.mark.parametrize("array", [np.zeros((2, 2), np.int64), np.zeros((2, 2, 3), np.uint16)], ids=["int64", "deep"])
-def test_arrays_that_are_no_picture_are_refused(tmp_path, array):
+def test_unsupported_arrays_are_rejected(tmp_path, array):
     with pytest.raises(TypeError):
         write_png(tmp_path / "a.png", array)
     assert not list(tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""A child process with limits gives its arrays or one sentence; a lease locks where the file system cannot."""
+"""Child processes with limits return arrays or a readable error; a lease replaces unsupported file locks."""
 
 import errno
 import os
@@ -18,11 +18,10 @@ from karf_engine.io import limited, locks
 from karf_engine.io.limited import run_limited
 from karf_engine.io.locks import acquire
 
-LINUX = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere memory has no limit, and /proc is not there")
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="memory is limited and /proc exists on Linux alone")
 HERE = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from {__name__} import *; path = Path(sys.argv[1]); "
 
 
-# works of the child
 def two_arrays(path):
     return {"one": np.arange(3), "two": np.array(path.read_text())}
 
@@ -60,7 +59,7 @@ def file(tmp_path):
     return path
 
 
-def test_arrays_come_back_in_the_order_of_their_names_and_a_refusal_as_it_is(file):
+def test_child_returns_arrays_in_order_and_passes_errors_on(file):
     two, one = run_limited(two_arrays, file, ("two", "one"))
     assert str(two) == "content" and one.tolist() == [0, 1, 2]
     with pytest.raises(MissingDependency) as caught:
@@ -78,7 +77,7 @@ def test_arrays_come_back_in_the_order_of_their_names_and_a_refusal_as_it_is(fil
         (idle, "takes more than 2 s"),
     ],
 )
-def test_whatever_ends_the_child_is_a_sentence_about_the_file(work, words, file, monkeypatch):
+def test_any_end_of_the_child_is_reported_about_the_file(work, words, file, monkeypatch):
     monkeypatch.setattr(limited, "LEAST_SECONDS", 1)
     monkeypatch.setattr(limited, "PATIENCE", 2 if work is idle else 60)
     with pytest.raises(DataError, match=words) as caught:
@@ -94,7 +93,7 @@ def wait_until(is_so, seconds=60):
 
 
 @LINUX
-def test_the_child_ends_with_its_parent(file):
+def test_child_ends_with_its_parent(file):
     parent = subprocess.Popen([sys.executable, "-c", HERE + "run_limited(idle, path, ())", file])
     pid = file.with_name("pid")
     wait_until(lambda: pid.exists() and pid.read_text())
@@ -104,7 +103,7 @@ def test_the_child_ends_with_its_parent(file):
 
 
 def without_locks(number, patch=setattr):
-    """Make a file system that gives this error, and leases that end soon."""
+    """Simulate a file system that gives this error, with leases that expire soon."""
 
     def refuse(*_, **__):
         raise OSError(number, "no locks")
@@ -114,7 +113,7 @@ def without_locks(number, patch=setattr):
 
 
 @pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS])
-def test_where_there_are_no_locks_a_lease_is_taken_which_ends_in_a_copy(number, tmp_path, monkeypatch):
+def test_lease_replaces_unsupported_locks_and_expires_in_a_copy(number, tmp_path, monkeypatch):
     without_locks(number, monkeypatch.setattr)
     held = acquire(tmp_path / "lock")
     assert isinstance(held, SoftFileLease)
@@ -126,7 +125,7 @@ def test_where_there_are_no_locks_a_lease_is_taken_which_ends_in_a_copy(number, 
     assert time.monotonic() - start < 10
 
 
-def test_a_lease_keeps_another_process_out_for_as_long_as_it_runs(tmp_path, monkeypatch):
+def test_lease_excludes_other_processes_while_its_holder_runs(tmp_path, monkeypatch):
     without_locks(errno.ENOLCK, monkeypatch.setattr)
     hold = "without_locks(errno.ENOLCK); lock = acquire(path); print('held', flush=True); input()"
     command = [sys.executable, "-c", HERE + hold, str(tmp_path / "lock")]
@@ -139,7 +138,7 @@ def test_a_lease_keeps_another_process_out_for_as_long_as_it_runs(tmp_path, monk
     acquire(tmp_path / "lock").release()
 
 
-def test_other_errors_are_no_reason_for_a_lease(tmp_path, monkeypatch):
+def test_other_errors_do_not_lead_to_a_lease(tmp_path, monkeypatch):
     without_locks(errno.EACCES, monkeypatch.setattr)
     with pytest.raises(PermissionError):
         acquire(tmp_path / "lock")

@@ -1,4 +1,4 @@
-"""The gated block against Equation 6 written out, its switches, its size; encoding and standardizer."""
+"""The gated block equals Equation 6 and has the published size; encoding and standardizer are exact."""
 
 import math
 import subprocess
@@ -18,8 +18,8 @@ from karf_engine.kan.layers import LAYERS
 P, D, FEATURES = 63, 27, 256
 
 
-# Sums of the layers' formulas. Segmentation without gate: K1 735,870 + K2 590,592 + H 6,382. The gate adds Linear
-# 81,920 and K 590,592; beta adds 256, alpha 1.
+# Segmentation without gate: K1 735,870 + K2 590,592 + H 6,382. The gate adds Linear 81,920 and K 590,592; beta adds
+# 256, alpha 1.
 @pytest.mark.parametrize(
     ("n_direction", "n_out", "options", "n_bandwidths", "expected"),
     [
@@ -31,7 +31,7 @@ P, D, FEATURES = 63, 27, 256
         (D, 7, {"layer": "mlp"}, 0, 2 * (346 * 256 + 256) + 2 * (256 * 256 + 256) + 319 * 7 + 7 + 256 + 1),
     ],
 )
-def test_a_block_has_the_published_size_and_only_what_it_uses(n_direction, n_out, options, n_bandwidths, expected):
+def test_block_has_the_published_size(n_direction, n_out, options, n_bandwidths, expected):
     block = GatedBlock(P, n_direction, FEATURES, n_out, **options)
     assert sum("log_bandwidth" in name for name, _ in block.named_parameters()) == n_bandwidths
     assert sum(parameter.numel() for parameter in block.parameters()) == expected + n_bandwidths
@@ -39,14 +39,13 @@ def test_a_block_has_the_published_size_and_only_what_it_uses(n_direction, n_out
 
 @pytest.mark.parametrize("layer", LAYERS)
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_block_equals_equation_six_less_what_its_variant_switches_off(layer, variant):
+def test_block_equals_equation_six_for_each_variant(layer, variant):
     torch.manual_seed(11)
     block = GatedBlock(9, 3, 7, n_out=4, width=8, layer=layer, variant=variant)
-    with torch.no_grad():
-        for name, parameter in block.named_parameters():
-            if name in ("alpha", "beta"):
-                assert (parameter == (0 if name == "alpha" else 1)).all()  # the residual starts at one half
-                parameter.uniform_(-1, 2)
+    for name, parameter in block.named_parameters():
+        if name in ("alpha", "beta"):
+            assert (parameter == (0 if name == "alpha" else 1)).all()  # the residual starts at one half
+            torch.nn.init.uniform_(parameter, -1, 2)
     position, features, direction = torch.randn(6, 9), torch.randn(6, 7), torch.randn(6, 3)
     z = torch.cat([position, direction, features], dim=1)
     blend = block.backbone[1](block.backbone[0](z))
@@ -70,13 +69,13 @@ def test_fresh_full_width_block_starts_near_uniform():
 
 
 @pytest.mark.parametrize("options", [{"layer": "spline"}, {"variant": "half"}])
-def test_unknown_names_are_refused(options):
+def test_unknown_layers_and_variants_are_rejected(options):
     with pytest.raises(BadRequest, match=next(iter(options.values()))):
         GatedBlock(9, 3, 7, n_out=4, width=8, **options)
 
 
 @pytest.mark.parametrize("n_frequencies", [0, 2, 10])
-def test_encoding_keeps_the_input_and_orders_sines_before_cosines(n_frequencies):
+def test_encoding_orders_input_sines_and_cosines(n_frequencies):
     expected = values = [0.1, -0.2, 0.3]
     for scale in 2 ** np.arange(n_frequencies):
         expected = [*expected, *(math.sin(scale * value) for value in values)]
@@ -94,7 +93,7 @@ def test_standardizer_gives_zero_mean_and_unit_deviation_at_any_scale():
     torch.testing.assert_close(result.std(dim=0, correction=0), torch.ones(3), atol=1e-4, rtol=0)
 
 
-def test_standardizer_does_not_amplify_rounding_noise_of_a_constant_channel():
+def test_standardizer_does_not_amplify_rounding_noise():
     standardizer = Standardizer(2)
     features = torch.tensor([[0.0, 900.0], [0.0, 900.0], [0.0, 900.0001]])  # the last differs by float32 rounding
     standardizer.fit(features)
@@ -102,7 +101,7 @@ def test_standardizer_does_not_amplify_rounding_noise_of_a_constant_channel():
     assert standardizer(features)[:, 1].abs().max() < 1e-3
 
 
-def test_standardizer_is_saved_never_trained_and_refuses_values_that_are_not_finite():
+def test_standardizer_is_saved_not_trained_and_rejects_nan():
     fitted, restored = Standardizer(2), Standardizer(2)
     fitted.fit(torch.tensor([[1.0, 2.0], [3.0, 6.0]]))
     restored.load_state_dict(fitted.state_dict())
@@ -112,8 +111,8 @@ def test_standardizer_is_saved_never_trained_and_refuses_values_that_are_not_fin
         Standardizer(1).fit(torch.tensor([[1.0], [float("nan")]]))
 
 
-def test_layers_and_block_load_no_room_that_knows_a_scene():
+def test_kan_layers_import_no_scene_packages():
     code = "import sys; from karf_engine.kan import GRBFLayer, GatedBlock; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    rooms = {name.split(".")[1] for name in loaded.split() if name.startswith("karf_engine.")}
-    assert "kan" in rooms and rooms <= {"kan", "compute", "errors", "io", "project", "version"}
+    packages = {name.split(".")[1] for name in loaded.split() if name.startswith("karf_engine.")}
+    assert "kan" in packages and packages <= {"kan", "compute", "errors", "io", "project", "version"}

@@ -1,4 +1,4 @@
-"""What every argument of the library's public names is: a right value, and wrong ones that must be refused."""
+"""Valid and invalid values for every argument of the library's public functions."""
 
 from __future__ import annotations
 
@@ -13,77 +13,66 @@ import karf_engine as karf
 from karf_engine.palettes.edge_shape import EdgeShape
 
 NAN, INF = float("nan"), float("inf")
-OMITTED = object()  # a right value that is not given
+OMITTED = object()  # the argument is left to its default
 
 
 class Kind:
-    """A kind of argument.
+    """A kind of argument: a valid value, invalid ones, and values that may be accepted.
 
-    Attributes:
-        right: A right value.
-        wrong: Values that are refused.
-        answered: Values that may be answered; where they hold not-a-number, the answer does.
+    Where an accepted value holds NaN, so must the answer.
     """
 
-    def __init__(self, right: Any, *wrong: Any, answered: tuple = ()) -> None:
-        self.right, self.wrong, self.answered = right, wrong, answered
+    def __init__(self, valid: Any, *invalid: Any, accepted: tuple = ()) -> None:
+        self.valid, self.invalid, self.accepted = valid, invalid, accepted
 
 
-def path(right: Path, *wrong: Any) -> Kind:
-    """A path."""
-    return Kind(right, 3, [], b"x", object(), "", "\0", *wrong)
+def path(valid: Path, *invalid: Any) -> Kind:
+    return Kind(valid, 3, [], b"x", object(), "", "\0", *invalid)
 
 
-def whole(right: int, *wrong: Any) -> Kind:
-    """A whole number."""
-    return Kind(right, "8", 1.5, [8], True, NAN, *wrong)
+def whole(valid: int, *invalid: Any) -> Kind:
+    return Kind(valid, "8", 1.5, [8], True, NAN, *invalid)
 
 
-def number(right: float, *wrong: Any) -> Kind:
-    """A number."""
-    return Kind(right, "1", [1], NAN, INF, *wrong)
+def number(valid: float, *invalid: Any) -> Kind:
+    return Kind(valid, "1", [1], NAN, INF, *invalid)
 
 
-def text(right: str, *wrong: Any) -> Kind:
-    """A text."""
-    return Kind(right, None, 3, [right], *wrong)
+def text(valid: str, *invalid: Any) -> Kind:
+    return Kind(valid, None, 3, [valid], *invalid)
 
 
-def array(right: np.ndarray, *wrong: Any, answered: tuple = ()) -> Kind:
-    """An array of numbers."""
-    return Kind(right, "a", 3, right.tolist(), np.full(right.shape, "a"), *wrong, answered=answered)
+def array(valid: np.ndarray, *invalid: Any, accepted: tuple = ()) -> Kind:
+    return Kind(valid, "a", 3, valid.tolist(), np.full(valid.shape, "a"), *invalid, accepted=accepted)
 
 
 def rows(n_columns: int) -> Kind:
-    """Points, as an array of one row each: no rows and not-a-number are answered with themselves."""
-    wrong = (np.zeros(n_columns), np.zeros((2, 5 - n_columns)), np.zeros((2, 2, n_columns)))
-    answered = (np.full((2, n_columns), NAN), np.zeros((0, n_columns)))
-    return array(np.zeros((2, n_columns)) - 1, None, *wrong, answered=answered)
+    """An array of points, one in each row; no rows and NaN may be accepted."""
+    invalid = (np.zeros(n_columns), np.zeros((2, 5 - n_columns)), np.zeros((2, 2, n_columns)))
+    accepted = (np.full((2, n_columns), NAN), np.zeros((0, n_columns)))
+    return array(np.zeros((2, n_columns)) - 1, None, *invalid, accepted=accepted)
 
 
-def tensor(*shape: int, wrong: tuple = ()) -> Kind:
-    """A layer's input: no rows and not-a-number are answered with themselves."""
+def tensor(*shape: int, invalid: tuple = ()) -> Kind:
+    """A layer's input; no rows and NaN may be accepted."""
     types = ([[0.0] * shape[-1]], np.zeros(shape, np.float32), torch.zeros(shape, dtype=torch.int64))
-    answered = (torch.full(shape, NAN), torch.zeros(0, shape[-1]))
-    return Kind(torch.zeros(*shape), None, *types, torch.tensor(0.0), *wrong, answered=answered)
+    accepted = (torch.full(shape, NAN), torch.zeros(0, shape[-1]))
+    return Kind(torch.zeros(*shape), None, *types, torch.tensor(0.0), *invalid, accepted=accepted)
 
 
 def layer_input(*shape: int) -> Kind:
-    """An input of a layer that has its own width and device."""
+    """An input of a layer with fixed width and device."""
     other = torch.zeros(*shape[:-1], shape[-1] + 1)
-    wrong = (torch.zeros(shape, dtype=torch.float64), other, torch.zeros(shape, device="meta"))
-    return tensor(*shape, wrong=wrong)
+    invalid = (torch.zeros(shape, dtype=torch.float64), other, torch.zeros(shape, device="meta"))
+    return tensor(*shape, invalid=invalid)
 
 
 def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
-    """Kinds by argument; `function.argument` goes first where arguments of one name differ.
+    """Kinds by argument; `function.argument` takes precedence where arguments of one name differ.
 
-    Args:
-        folder: Of a capture, its masks, its learned project, edit.json, sheet.csv and book.csv.
-        model: The project, loaded.
+    The folder holds a capture, its masks, its learned project (the model), edit.json, sheet.csv and book.csv.
     """
-    typo = folder / "typo"
-    view = model.capture.split("train")[0]
+    typo, view = folder / "typo", model.capture.split("train")[0]
     camera = view.camera.reduced(8)
     frame, photo_view = model.render(camera), model.photo_view(view)
     size = (view.camera.height, view.camera.width)
@@ -176,15 +165,15 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
             np.zeros(3), None, "#ffffff", np.zeros(2), np.zeros((2, 3)), np.full(3, NAN), np.zeros(0)
         ),
         "Frame.base": array(
-            frame.base, None, np.zeros((2, 2)), np.zeros((3, 5, 3)), np.zeros((0, 0, 3)), answered=(frame.base * NAN,)
+            frame.base, None, np.zeros((2, 2)), np.zeros((3, 5, 3)), np.zeros((0, 0, 3)), accepted=(frame.base * NAN,)
         ),
         "probabilities": array(
             frame.probabilities, None, np.zeros((2, 2)), np.zeros((2, 3, 5)), np.zeros((0, 0, 0)),
-            answered=(frame.probabilities * NAN,),
+            accepted=(frame.probabilities * NAN,),
         ),
         "palette_weights": array(
             frame.palette_weights, np.zeros((2, 2)), np.zeros((2, 3, 3, 5)), np.zeros((0, 0, 0, 0)),
-            answered=(frame.palette_weights * NAN,),
+            accepted=(frame.palette_weights * NAN,),
         ),
         "depth": array(np.ones(size, np.float32), None, np.ones(3), np.ones((0, 0))),
         # colors
@@ -198,7 +187,7 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
         "layers.added": Kind(None, *added),
         "edges": Kind(edges, None, *bad_edges),
         "layers.edges": Kind(edges, *bad_edges),
-        # things of the library
+        # objects of the library
         "camera pinhole": Kind(
             camera, None, 3, "r_0", view, camera.camera_to_world, replace(camera, width=10**9),
             replace(camera, camera_to_world=camera.camera_to_world * [[2, 2, 2, 1]]),
@@ -248,9 +237,9 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
         "grbf_reference.bandwidth": Kind(torch.tensor(1.0), None, 1.0, "eq5", torch.zeros(3)),
         "module": Kind(torch.nn.Linear(3, 2), None, 3, torch.zeros(3)),
         "build": Kind(torch.nn.Linear, None, 3, "grbf"),
-        # what has a default of its own and is not given
+        # left to their defaults
         "geometry segmentation palette recoloring Settings.splats render": Kind(OMITTED, None, 3, "demo", {}),
         "values": Kind(OMITTED),
-        "options": Kind(OMITTED, object(), NAN),  # each keyword of a command; which types it takes: io.options
+        "options": Kind(OMITTED, object(), NAN),  # each keyword of a command, whose types io.options checks
     }  # fmt: skip
     return {name: known for names, known in table.items() for name in names.split()}

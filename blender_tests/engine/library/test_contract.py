@@ -1,4 +1,4 @@
-"""The library's contract: every public name answers or refuses in a sentence, soon, and writes nothing."""
+"""Every public function of the library accepts valid arguments and rejects invalid ones quickly, writing nothing."""
 
 from __future__ import annotations
 
@@ -25,42 +25,42 @@ from karf_engine.palettes.project_edit import ProjectEdit
 from karf_engine.recolor.full_resolution import PhotoView
 
 SECONDS = 10
-GIVEN = {"ProjectEdit": ProjectEdit, "PhotoView": PhotoView}  # classes that public functions give
-VALUES = ("PRESETS", "__version__", "kan.LAYERS", "kan.VARIANTS")  # nothing that could be called
+RETURNED = {"ProjectEdit": ProjectEdit, "PhotoView": PhotoView}  # classes that public functions return
+VALUES = ("PRESETS", "__version__", "kan.LAYERS", "kan.VARIANTS")  # not callable
 
 
-def public_things():
-    """Functions and classes by their public names, and the classes' methods."""
-    things = {name: getattr(karf, name) for name in karf.__all__} | GIVEN
-    things |= {f"kan.{name}": getattr(kan, name) for name in kan.__all__}
-    for name, thing in things.items():
+def public_callables():
+    """Pairs of name and callable: functions, classes, and the classes' methods."""
+    public = {name: getattr(karf, name) for name in karf.__all__} | RETURNED
+    public |= {f"kan.{name}": getattr(kan, name) for name in kan.__all__}
+    for name, value in public.items():
         if name not in VALUES:
-            yield name, thing
-        if inspect.isclass(thing):
-            for method, found in vars(thing).items():
-                is_method = callable(getattr(thing, method)) and not isinstance(found, type)
+            yield name, value
+        if inspect.isclass(value):
+            for method, found in vars(value).items():
+                is_method = callable(getattr(value, method)) and not isinstance(found, type)
                 if is_method and not method.startswith("_"):
-                    yield f"{name}.{method}", getattr(thing, method)
+                    yield f"{name}.{method}", getattr(value, method)
 
 
-THINGS = dict(public_things())
+CALLABLES = dict(public_callables())
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Kinds of arguments, and of whose methods are called; nothing in the folder may change."""
+    """Kinds of arguments, objects whose methods are called, and a folder in which nothing may change."""
 
     folder: object
     kinds: dict
     subjects: dict
 
     def function(self, name):
-        """What a name calls, bound where it is a method."""
+        """The callable of a name; methods are bound to their object."""
         owner, _, method = name.rpartition(".")
-        return getattr(self.subjects[owner], method) if owner in self.subjects else THINGS[name]
+        return getattr(self.subjects[owner], method) if owner in self.subjects else CALLABLES[name]
 
     def kinds_of(self, name):
-        """The kind of each argument of a function; keywords of commands are `options`."""
+        """The kind of each argument; keyword-only arguments of commands share the kind `options`."""
         found = {}
         function = name.removeprefix("kan.")
         for argument, item in inspect.signature(self.function(name)).parameters.items():
@@ -71,9 +71,9 @@ class Bench:
             found[argument] = self.kinds[place]
         return found
 
-    def call(self, name, **wrong):
-        """Call with right arguments but these; what it yields is asked for."""
-        given = {argument: known.right for argument, known in self.kinds_of(name).items()} | wrong
+    def call(self, name, /, **invalid):
+        """Call with valid arguments except these, and exhaust a generator."""
+        given = {argument: known.valid for argument, known in self.kinds_of(name).items()} | invalid
         given = {argument: value for argument, value in given.items() if value is not OMITTED}
         function = self.function(name)
         known = inspect.signature(function).parameters.values()
@@ -109,12 +109,13 @@ def bench(still_life, learned, tmp_path_factory):
     return Bench(folder, kinds(folder, model), subjects)
 
 
-@pytest.mark.parametrize("name", THINGS)
-def test_right_arguments_are_taken(bench, name, monkeypatch):
-    """So that a refusal below is that of the one argument that is wrong."""
+@pytest.mark.parametrize("name", CALLABLES)
+def test_valid_arguments_are_accepted(bench, name, monkeypatch):
+    """Makes sure that a rejection below is due to the invalid argument."""
     monkeypatch.setattr("karf_engine.api.run_command", lambda *given, **more: None)
-    monkeypatch.setattr("karf_engine.api.load", lambda *given, **more: None) if name == "learn" else None
-    for known in ("LAYERS", "LAYER_KINDS"):  # a layer that is registered is forgotten again
+    if name == "learn":
+        monkeypatch.setattr("karf_engine.api.load", lambda *given, **more: None)
+    for known in ("LAYERS", "LAYER_KINDS"):  # forget the registered layer afterwards
         monkeypatch.setattr(f"karf_engine.kan.layers.{known}", copy(getattr(layers, known)))
     bench.call(name)
     for path in bench.folder.glob("new*"):
@@ -122,45 +123,45 @@ def test_right_arguments_are_taken(bench, name, monkeypatch):
 
 
 def misuses(bench, name):
-    """Wrong arguments of a function by name: one that is wrong, two that are swapped, or one too many."""
+    """Invalid arguments by name: one invalid value, two swapped values, or an unknown keyword."""
     known = bench.kinds_of(name)
     for argument, kind in known.items():
-        yield from ({argument: value} for value in (*kind.wrong, *kind.answered))
-    given = [(argument, kind) for argument, kind in known.items() if kind.right is not OMITTED]
+        yield from ({argument: value} for value in (*kind.invalid, *kind.accepted))
+    given = [(argument, kind) for argument, kind in known.items() if kind.valid is not OMITTED]
     for (one, first), (other, second) in pairwise(given):
-        are_numbers = type(first.right) is type(second.right) in (int, float)  # which nothing tells apart
+        are_numbers = type(first.valid) is type(second.valid) in (int, float)  # indistinguishable
         if first is not second and not are_numbers:
-            yield {one: second.right, other: first.right}
+            yield {one: second.valid, other: first.valid}
     parameters = inspect.signature(bench.function(name)).parameters.values()
     if not any(each.kind is each.VAR_KEYWORD for each in parameters):
         yield {"unknown": 1}
 
 
-@pytest.mark.parametrize("name", THINGS)
-def test_wrong_arguments_are_refused_in_a_sentence(bench, name, monkeypatch):
+@pytest.mark.parametrize("name", CALLABLES)
+def test_invalid_arguments_are_rejected(bench, name, monkeypatch):
     monkeypatch.chdir(bench.folder)
     known, flaws = bench.kinds_of(name), []
-    for wrong in misuses(bench, name):
-        (argument, value), *others = wrong.items()
-        may_be_answered = not others and any(value is each for each in getattr(known.get(argument), "answered", ()))
-        ended = outcome(bench, name, wrong)
-        if ended != "refused" and not (ended == "answered" and may_be_answered):
-            flaws.append(f"{wrong!r:.200}: {ended}")
+    for invalid in misuses(bench, name):
+        (argument, value), *others = invalid.items()
+        may_be_accepted = not others and any(value is each for each in getattr(known.get(argument), "accepted", ()))
+        ended = outcome(bench, name, invalid)
+        if ended != "rejected" and not (ended == "accepted" and may_be_accepted):
+            flaws.append(f"{invalid!r:.200}: {ended}")
     assert not flaws, "\n".join([f"{name}: {len(flaws)}", *flaws])
 
 
-def outcome(bench, name, wrong):
-    """How a call ends: `answered`, `refused`, or its flaw; a TypeError must name a wrong argument."""
+def outcome(bench, name, invalid):
+    """How a call ends: `accepted`, `rejected`, or its flaw; a TypeError must name an invalid argument."""
     before = files(bench.folder)
     try:
         with alarm():
-            result = bench.call(name, **wrong)
-        ended = "answered" if has_nan(result) or not any(map(has_nan, wrong.values())) else "a finite answer"
+            result = bench.call(name, **invalid)
+        ended = "accepted" if has_nan(result) or not any(map(has_nan, invalid.values())) else "a finite answer"
     except KarfError as error:
-        ended = "refused" if error.sentence and error.code != "internal" else f"traceback: {error!r}"
+        ended = "rejected" if error.sentence and error.code != "internal" else f"traceback: {error!r}"
     except TypeError as error:
-        is_named = any(argument in str(error) for argument in wrong)
-        ended = "refused" if is_named else f"traceback: {error!r:.300} does not name its argument"
+        is_named = any(argument in str(error) for argument in invalid)
+        ended = "rejected" if is_named else f"traceback: {error!r:.300} does not name its argument"
     except TooSlow:
         ended = "hang"
     except Exception as error:
@@ -183,18 +184,18 @@ def files(folder):
     return {(path, stat.st_mtime_ns, 0 if path.is_dir() else stat.st_size) for path, stat in facts}
 
 
-class TooSlow(BaseException):
-    """The time is over; not an Exception, so that nobody takes it for damage."""
+class TooSlow(BaseException):  # not an Exception, which the library may catch
+    """The call took too long."""
 
 
 @contextmanager
 def alarm():
-    """Stop what takes too long; where no signal reaches it, end the process."""
+    """Stop a call that takes too long; end the process if no signal reaches it."""
 
     def ring(*_):
         raise TooSlow
 
-    if os.name == "nt":  # it has no such timer
+    if os.name == "nt":  # without such a timer
         yield
         return
     before = signal.signal(signal.SIGALRM, ring)

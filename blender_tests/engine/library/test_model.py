@@ -1,4 +1,4 @@
-"""A loaded model as a value: what is printed of it, and what happens when it is sent to another process."""
+"""Pickling and printing of a loaded model."""
 
 import pickle
 from dataclasses import replace
@@ -15,7 +15,7 @@ def model(learned):
     return Model.load(learned.project, "cpu")
 
 
-def test_pickling_a_model_says_what_to_pickle_instead(model):
+def test_pickling_a_model_fails_with_advice(model):
     with pytest.raises(TypeError, match=r"model\.project\.folder.*Model\.load"):
         pickle.dumps(model)
     again = Model.load(pickle.loads(pickle.dumps(model.project.folder)), "cpu")
@@ -24,18 +24,12 @@ def test_pickling_a_model_says_what_to_pickle_instead(model):
 
 def test_reprs_are_one_line(model):
     view, many = model.capture.views[0], [f"object\n{number}" for number in range(255)]
-    photo_view, named = model.photo_view(view), Model.load(model.project.folder, "cpu")
-    named.objects = many
+    large, photo_view = Model.load(model.project.folder, "cpu"), model.photo_view(view)
     frame = model.render(view.camera.reduced(8))
+    large.objects = many
     planes = np.zeros((255, *frame.base.shape[:2]), np.float32)
-    for value in (
-        model,
-        named,
-        frame,
-        replace(frame, probabilities=planes, palette_weights=None),
-        photo_view,
-        replace(photo_view, objects=many),
-    ):
+    large_frame = replace(frame, probabilities=planes, palette_weights=None)
+    for value in (model, large, frame, large_frame, photo_view, replace(photo_view, objects=many)):
         text = repr(value)
         assert text.startswith(f"{type(value).__name__}(") and text.endswith(")")
         assert len(text) <= LONGEST_REPR and "\n" not in text

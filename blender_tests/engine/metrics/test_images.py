@@ -1,4 +1,4 @@
-"""The figures of pictures and masks, on pictures small enough to work out by hand."""
+"""Metrics of pictures and masks have the values found by hand."""
 
 import numpy as np
 import pytest
@@ -8,13 +8,13 @@ pytest.importorskip("skimage")
 from karf_engine.metrics import images, masks
 
 
-def test_hue_shift_turns_red_to_green_and_leaves_grey():
+def test_hue_shift_turns_red_green_and_keeps_gray():
     image = np.array([[[0.8, 0.2, 0.2], [0.4, 0.4, 0.4]]])
     shifted = images.hue_shift(image, np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))
     np.testing.assert_allclose(shifted, [[[0.2, 0.8, 0.2], [0.4, 0.4, 0.4]]], atol=1e-12)
 
 
-def test_differences_of_a_mask_and_outside_of_it_ignore_the_rest():
+def test_masked_metrics_ignore_all_other_pixels():
     first, mask = np.zeros((4, 4, 3)), np.eye(4, dtype=bool)
     second = first + 0.1
     assert images.psnr(first, second) == pytest.approx(20)
@@ -24,12 +24,12 @@ def test_differences_of_a_mask_and_outside_of_it_ignore_the_rest():
     assert images.mse_outside(first, second, mask) == pytest.approx(0.01)
     assert images.mse_outside(first, second, np.ones_like(mask)) == 0
     second[mask] = np.array([1, 0, 1, 0])[:, None]
-    # black against white differs by exactly 100
+    # black and white differ by exactly 100
     assert images.mean_ciede2000(first, second, mask) == pytest.approx(50, abs=1e-6)
     assert np.isnan(images.mean_ciede2000(first, second, mask & False))
 
 
-def test_color_correction_takes_exposure_and_white_balance_away_and_nothing_else():
+def test_color_correction_removes_only_exposure_and_white_balance():
     random = np.random.default_rng(3)
     photo = random.uniform(0.2, 0.8, (20, 20, 3))
     exposed = photo * (1.1, 0.95, 0.8) + 0.02
@@ -39,7 +39,7 @@ def test_color_correction_takes_exposure_and_white_balance_away_and_nothing_else
     assert plain < images.cc_psnr((photo + noise) * (1.1, 0.95, 0.8), photo) < plain + 1
 
 
-def test_clipped_pixels_do_not_steer_the_color_correction():
+def test_color_correction_ignores_clipped_pixels():
     photo = np.random.default_rng(4).uniform(0.2, 0.6, (20, 20, 3))
     clipped = photo.copy()
     clipped[:2] = 1
@@ -50,7 +50,7 @@ def test_clipped_pixels_do_not_steer_the_color_correction():
     np.testing.assert_array_equal(images.color_correct(photo * 0.9, white)[..., 2], photo[..., 2] * 0.9)
 
 
-def test_ssim_equals_its_formula_window_by_window():
+def test_ssim_equals_its_formula():
     random = np.random.default_rng(2)
     x = random.random((13, 12))
     y = np.clip(x + 0.2 * random.standard_normal(x.shape), 0, 1)
@@ -58,29 +58,27 @@ def test_ssim_equals_its_formula_window_by_window():
     window = np.exp(-(grid[:, None] ** 2 + grid**2) / (2 * 1.5**2))
     window /= window.sum()
     values = []
-    for row in range(3):
-        for column in range(2):
-            a, b = x[row : row + 11, column : column + 11], y[row : row + 11, column : column + 11]
-            ma, mb = (window * a).sum(), (window * b).sum()
-            va, vb = (window * (a - ma) ** 2).sum(), (window * (b - mb) ** 2).sum()
-            covariance = (window * (a - ma) * (b - mb)).sum()
-            values.append((2 * ma * mb + 1e-4) * (2 * covariance + 9e-4) / ((ma**2 + mb**2 + 1e-4) * (va + vb + 9e-4)))
+    for row, column in np.ndindex(3, 2):
+        a, b = x[row : row + 11, column : column + 11], y[row : row + 11, column : column + 11]
+        ma, mb = (window * a).sum(), (window * b).sum()
+        va, vb = (window * (a - ma) ** 2).sum(), (window * (b - mb) ** 2).sum()
+        covariance = (window * (a - ma) * (b - mb)).sum()
+        values.append((2 * ma * mb + 1e-4) * (2 * covariance + 9e-4) / ((ma**2 + mb**2 + 1e-4) * (va + vb + 9e-4)))
     assert images.ssim(x, y) == pytest.approx(np.mean(values), abs=1e-12)
     assert images.ssim(x, x) == pytest.approx(1)
     with pytest.raises(ValueError):
         images.ssim(x[:10], y[:10])
 
 
-def test_mask_figures_of_two_overlapping_squares():
-    truth, predicted = np.zeros((10, 10), bool), np.zeros((10, 10), bool)
+def test_mask_metrics_of_overlapping_squares():
+    truth, predicted = np.zeros((2, 10, 10), bool)
     truth[2:8, 2:8] = True
     predicted[2:8, 3:9] = True
     assert masks.iou(predicted, truth) == 30 / 42
     assert masks.accuracy(predicted, truth) == 0.88
     # the two differing columns touch the truth's border
     assert masks.iou_border_excluded(predicted, truth) == 1
-    predicted[2:8, 3] = False
-    predicted[2:8, 4] = False
-    # inside the border 4 x 4 pixels count; columns 3 and 4 of them are missed
+    predicted[2:8, 3:5] = False
+    # 4 x 4 pixels count inside the border; columns 3 and 4 of them are missed
     assert masks.iou_border_excluded(predicted, truth) == 0.5
     assert masks.iou(truth & False, truth & False) == 1

@@ -1,4 +1,4 @@
-"""Versions: the ranges of pyproject.toml, what requirements/ pins, and the lock files of the engine's environment."""
+"""Version ranges of pyproject.toml, pins of requirements/, and lock files of the engine's environment."""
 
 import re
 import subprocess
@@ -13,40 +13,40 @@ from blender_tests.engine.conftest import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-OF_ENGINE = ("photos", "fast", "splats", "metrics", "farm", "test", "readers", "lint")
+ENGINE_EXTRAS = ("photos", "fast", "splats", "metrics", "farm", "test", "readers", "lint")
 WANTED = {
-    "engine": [*PROJECT["dependencies"], *(text for extra in OF_ENGINE for text in EXTRAS[extra])],
+    "engine": [*PROJECT["dependencies"], *(text for extra in ENGINE_EXTRAS for text in EXTRAS[extra])],
     "blender": [*EXTRAS["blender"], *EXTRAS["test"]],
     "docs": EXTRAS["docs"],
 }
 
 
 def pins(environment):
-    """Package -> version of every line."""
+    """Version by package."""
     text = (ROOT / "requirements" / f"{environment}.txt").read_text(encoding="utf-8")
     lines = [line.partition("#")[0].strip() for line in text.splitlines()]
     return dict(line.lower().split("==") for line in lines if line)
 
 
 @pytest.mark.parametrize("environment", ["engine", "blender", "docs", "wheel", "lock"])
-def test_every_version_is_pinned_to_the_digit(environment):
+def test_versions_are_pinned_exactly(environment):
     assert all(re.fullmatch(r"[\d.]+(post\d+|b\d+)?", version) for version in pins(environment).values())
 
 
 @pytest.mark.parametrize("environment", WANTED)
-def test_the_pinned_versions_lie_in_the_allowed_ranges(environment):
+def test_pins_are_within_declared_ranges(environment):
     pinned = pins(environment)
     for text in WANTED[environment]:
         wanted = Requirement(text)
         assert wanted.specifier.contains(pinned[wanted.name.lower()]), text
 
 
-def test_every_range_has_both_ends():
+def test_dependency_ranges_have_both_bounds():
     ranges = [Requirement(text) for text in PROJECT["dependencies"]]
     assert all({part.operator for part in wanted.specifier} == {">=", "<"} for wanted in ranges)
 
 
-def test_what_learns_and_renders_is_imported_without_any_extra():
+def test_learning_and_rendering_import_without_extras():
     extras = ("skimage", "numba", "pycolmap", "openjd", "gsply", "pxr")
     code = f"import sys; sys.modules.update(dict.fromkeys({extras!r})); import karf_engine.commands.dispatch; "
     code += "from karf_engine.commands import geometry, palette, recoloring, render, segmentation, splats"
@@ -54,7 +54,6 @@ def test_what_learns_and_renders_is_imported_without_any_extra():
     assert done.returncode == 0, done.stderr
 
 
-# ----------------------------------------------------------------------------------------------------------- lock files
 FOLDER = ROOT / "karf_blender" / "engine" / "installer" / "requirements"
 LOCKS = {path.stem: path.read_text(encoding="utf-8") for path in FOLDER.glob("*.txt")}
 PYTHONS = ("cp311", "cp312", "cp313", "cp314")
@@ -69,18 +68,16 @@ PACKAGE = re.compile(r"((?:# \S+\.whl \d+\n)+)(\S+)==(\S+)((?: \\\n    --hash=sh
 
 
 def packages(lock):
-    """Name -> version, files, number of hashes."""
-    found = PACKAGE.findall(LOCKS[lock])
-    return {
-        name: (version, re.findall(r"# (\S+)", files), rest.count("--hash")) for files, name, version, rest in found
-    }
+    """Version, files and number of hashes by package."""
+    rows = PACKAGE.findall(LOCKS[lock])
+    return {name: (version, re.findall(r"# (\S+)", files), rest.count("--hash")) for files, name, version, rest in rows}
 
 
 def versions(lock):
     return {name: version for name, (version, _, _) in packages(lock).items()}
 
 
-def test_every_usual_system_has_its_builds_and_pycolmap_where_it_has_files():
+def test_every_system_has_its_lock_files():
     photos = [f"{system}-photos" for system in BUILDS if system != "linux-aarch64"]
     assert set(LOCKS) == {*ENVIRONMENTS, *photos, "uv"}
     (wanted,) = map(Requirement, EXTRAS["photos"])
@@ -89,7 +86,7 @@ def test_every_usual_system_has_its_builds_and_pycolmap_where_it_has_files():
 
 
 @pytest.mark.parametrize("lock", ENVIRONMENTS)
-def test_it_has_the_versions_that_development_has(lock):
+def test_lock_file_has_the_pinned_versions(lock):
     found, pinned = versions(lock), pins("engine")
     for text in PROJECT["dependencies"] + EXTRAS["fast"]:
         wanted = Requirement(text)
@@ -99,22 +96,22 @@ def test_it_has_the_versions_that_development_has(lock):
     assert {name: version for name, version in found.items() if pinned.get(name, version) != version} == {}
 
 
-def test_uv_is_the_one_that_has_looked_the_files_up():
+def test_locked_uv_is_the_pinned_one():
     assert versions("uv") == {"uv": pins("lock")["uv"]} and len(packages("uv")["uv"][1]) == len(BUILDS)
 
 
 @pytest.mark.parametrize("lock", LOCKS)
-def test_every_file_has_a_hash_and_there_is_one_for_every_python(lock):
+def test_locked_files_have_hashes_and_cover_every_python(lock):
     text = LOCKS[lock]
     assert text.count("\n# ") == len(re.findall(r"^# \S+\.whl \d+$", text, re.M)) and "//" not in text
     assert PACKAGE.sub("", text.partition("\n")[2]) == ""
     for name, (version, files, hashes) in packages(lock).items():
-        if hashes == 0:  # of torch's own index
+        if hashes == 0:  # from torch's own index
             assert name == "torch" and re.fullmatch(r"torch-[\d.]+\+\w+\*?-\*\.whl", files[0])
             continue
         assert hashes == len(files)
         for file in files:
-            assert parse_wheel_filename(file)[:2] == (canonicalize_name(name), parse_wheel_filename(file)[1])
-            assert str(parse_wheel_filename(file)[1]) == version
+            file_name, file_version, *_ = parse_wheel_filename(file)
+            assert (file_name, str(file_version)) == (canonicalize_name(name), version)
         tags = {file.split("-")[2] for file in files}
         assert tags == set(PYTHONS) or len(files) == 1 or name == "uv"

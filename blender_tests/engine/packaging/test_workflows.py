@@ -1,4 +1,4 @@
-"""The workflow files of a public host and the container's recipe, as far as they can be judged without running them."""
+"""The workflow files and the Dockerfile, checked without running them."""
 
 import json
 import re
@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-yaml = pytest.importorskip("yaml", reason="it comes with the extra `lint`")
+yaml = pytest.importorskip("yaml", reason="part of the extra `lint`")
 
 from blender_tests.engine.conftest import ROOT
 from tools import dev
@@ -23,7 +23,7 @@ def jobs(file):
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
-def test_a_workflow_may_only_read_ends_by_itself_and_runs_commands_or_pinned_actions(file):
+def test_workflow_is_read_only_limited_in_time_and_pinned(file):
     text = file.read_text(encoding="utf-8")
     assert "://" not in text  # no host is named
     assert yaml.safe_load(text)["permissions"] == {"contents": "read"}
@@ -35,28 +35,27 @@ def test_a_workflow_may_only_read_ends_by_itself_and_runs_commands_or_pinned_act
 
 
 @pytest.mark.parametrize("verb", sorted({verb for file in FILES for verb in COMMAND.findall(file.read_text("utf-8"))}))
-def test_every_command_of_the_workflows_exists(verb):
+def test_workflow_commands_exist(verb):
     done = subprocess.run([sys.executable, "tools/dev.py", verb, "--help"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0 and f"dev.py {verb}" in done.stdout
 
 
-def test_every_cell_of_the_workflows_exists():
+def test_workflow_cells_exist():
     matrices = [job.get("strategy", {}).get("matrix", {}) for file in FILES for job in jobs(file).values()]
     named = [cell for matrix in matrices for cell in matrix.get("cell", [])]
     assert named and set(named) <= {cell.name for cell in all_cells()}
 
 
-# ------------------------------------------------------------------------------------------------------------ container
 def instruction(name):
     return [line.removeprefix(name).strip() for line in RECIPE if line.startswith(f"{name} ")]
 
 
-def test_it_installs_the_libraries_that_the_commands_ask_for():
+def test_container_installs_the_libraries_of_blender():
     (install,) = (line for line in instruction("RUN") if "apt-get install" in line)
     assert set(dev.BLENDER_LIBRARIES.split()) == {word for word in install.split() if word.startswith("lib")}
 
 
-def test_it_ends_in_the_two_commands_as_a_user_without_rights():
+def test_container_runs_its_commands_without_root():
     (command,), (default,) = instruction("ENTRYPOINT"), instruction("CMD")
     assert json.loads(command) == ["python3", "tools/dev.py"]
     assert json.loads(default) == ["test"]
@@ -64,6 +63,6 @@ def test_it_ends_in_the_two_commands_as_a_user_without_rights():
     assert RECIPE.index("USER karf") < RECIPE.index("RUN python3 tools/dev.py setup")
 
 
-def test_what_the_environments_are_made_from_is_copied_before_they_are_made():
+def test_setup_layer_copies_only_its_inputs():
     copied = [line.split()[-2] for line in RECIPE[: RECIPE.index("RUN python3 tools/dev.py setup")] if "COPY" in line]
     assert copied == ["requirements/", "tools/dev.py"]

@@ -1,9 +1,9 @@
-"""Colors added to an object: what they change and what they leave alone."""
+"""Colors added to an object change their own pigment and nothing else."""
 
 import numpy as np
 import pytest
 
-from blender_tests.engine.palettes.conftest import GREEN, VIOLET, lit, seen_of
+from blender_tests.engine.palettes.conftest import GREEN, VIOLET, histogram_of, lit
 from karf_engine.errors import BadRequest
 from karf_engine.export.scene_points import ScenePoints
 from karf_engine.metrics.images import mean_ciede2000
@@ -24,22 +24,22 @@ from karf_engine.palettes.palette import PROTECT, AddedColor, Palette
 PALETTE = np.array([[0, 0, 0], [0.95, 0.1, 0.1], [0.1, 0.1, 0.95], [1, 1, 0.95]], np.float32)
 RED, SILVER = np.array([0.8, 0.15, 0.15]), np.array([0.78, 0.75, 0.73])
 PICTURE = np.stack([lit(RED), lit(VIOLET)]).astype(np.float32)  # of two pigments
-SEEN = seen_of(PICTURE.reshape(-1, 3), PALETTE)
+SEEN = histogram_of(PICTURE.reshape(-1, 3), PALETTE)
 WEIGHTS = SEEN.palette_weights.T.reshape(4, 2, 20)
 
 
-def edited_with(color, wanted, palette=PALETTE, seen=SEEN):
+def match_edit(color, wanted, palette=PALETTE, seen=SEEN):
     return np.concatenate([palette, match_added_color(seen, PALETTE, color, wanted)])
 
 
-def recolored(color, edited, compositing="delta"):
+def composite(color, edited, compositing="delta"):
     shares = split_weights(WEIGHTS, PALETTE, [color])[None]
     if compositing == "delta":
         return delta_composite(PICTURE, shares, append_added_sets(PALETTE, [color])[None], edited[None])
     return paper_composite(0 * PICTURE, shares, np.ones((1, 2, 20)), edited[None])
 
 
-def test_without_added_colors_all_is_the_same_array_and_black_cannot_be_added():
+def test_nothing_added_changes_nothing_and_black_cannot_be_added():
     planes = WEIGHTS[None]
     assert split_weights_of_objects(planes, [Palette("pot", PALETTE)], {}) is planes
     assert split_weights(WEIGHTS, PALETTE, ()) is WEIGHTS
@@ -49,7 +49,7 @@ def test_without_added_colors_all_is_the_same_array_and_black_cannot_be_added():
 
 
 @pytest.mark.parametrize("kind", [np.float16, np.float32])
-def test_the_parts_of_a_weight_add_up_to_its_very_bits_and_black_has_none(kind):
+def test_weights_split_exactly_and_black_stays_whole(kind):
     weights = np.random.default_rng(1).dirichlet(np.ones(len(PALETTE)), 500).T.astype(kind)
     shares = split_weights(weights, PALETTE, [AddedColor(VIOLET), AddedColor(RED, 0.5)])
     assert (shares >= 0).all() and (shares[5:8] > 0).any() and (shares[9:] > 0).any()
@@ -59,36 +59,35 @@ def test_the_parts_of_a_weight_add_up_to_its_very_bits_and_black_has_none(kind):
 
 
 @pytest.mark.parametrize(("compositing", "tolerance"), [("delta", 1e-3), ("paper", 5e-3)])
-def test_only_the_picked_pigment_changes_and_becomes_what_is_wanted(compositing, tolerance):
+def test_only_the_picked_pigment_becomes_the_target(compositing, tolerance):
     color = AddedColor(VIOLET)
-    red, violet = recolored(color, edited_with(color, GREEN), compositing)
+    red, violet = composite(color, match_edit(color, GREEN), compositing)
     np.testing.assert_allclose(red, lit(RED), atol=tolerance)
     assert mean_ciede2000(violet, lit(GREEN)) < 2.5
     np.testing.assert_allclose(violet[-1], GREEN, atol=0.02)
 
 
-def test_swatches_no_longer_move_the_picked_pigment():
+def test_swatches_leave_the_picked_pigment_alone():
     color, palette = AddedColor(VIOLET), PALETTE.copy()
     palette[1] = [0.9, 0.8, 0.1]
-    red, violet = recolored(color, edited_with(color, VIOLET, palette))
+    red, violet = composite(color, match_edit(color, VIOLET, palette))
     np.testing.assert_allclose(violet, lit(VIOLET), atol=2e-3)
     assert np.abs(red - lit(RED)).max() > 0.3
 
 
-def test_reach_says_how_far_in_hue_the_pigment_goes_and_a_grey_one_is_told_by_its_chroma():
+def test_reach_widens_the_hue_and_gray_is_selected_by_chroma():
     near, far = (split_weights(WEIGHTS, PALETTE, [AddedColor(VIOLET, reach)])[4:].sum() for reach in (0.2, 4.0))
     assert far > 1.5 * near > 0
     grey = np.full(3, 0.6)
-    weights = seen_of(np.concatenate([lit(grey), lit(RED)]).astype(np.float32), PALETTE).palette_weights
+    weights = histogram_of(np.concatenate([lit(grey), lit(RED)]).astype(np.float32), PALETTE).palette_weights
     shares = split_weights(weights.T, PALETTE, [AddedColor(grey)])[4:].sum(0)
     assert shares[:20].min() > 0.05 and shares[30:].max() < 1e-3
 
 
-def test_objects_of_different_palettes_stand_side_by_side():
+def test_objects_with_different_palettes_are_padded():
     palettes = [Palette("pot", PALETTE[:2]), Palette("mug", PALETTE)]
-    planes = np.stack([WEIGHTS, WEIGHTS])
+    planes, added = np.stack([WEIGHTS, WEIGHTS]), {"pot": [AddedColor(RED)]}
     planes[0, 2:] = 0
-    added = {"pot": [AddedColor(RED)]}
     shares = split_weights_of_objects(planes, palettes, added)
     assert [len(each.colors) for each in extended_palettes(palettes, added)] == [4, 4]
     assert shares.shape == (2, 4, 2, 20)
@@ -96,29 +95,28 @@ def test_objects_of_different_palettes_stand_side_by_side():
     np.testing.assert_allclose(shares[0].sum(0), planes[0].sum(0), atol=1e-6)
 
 
-def test_points_are_recolored_as_pictures_are():
+def test_points_are_recolored_like_pictures():
     n, color = 40, AddedColor(VIOLET)
     none, colors = np.zeros((n, 3), np.float32), np.rint(PICTURE.reshape(-1, 3) * 255).astype(np.uint8)
     own = SEEN.palette_weights[:, None]
     points = ScenePoints(("pot",), none, none, none[:, 0], colors, np.ones((n, 1)), own, PALETTE[None])
-    edited = edited_with(color, GREEN)
+    edited = match_edit(color, GREEN)
     found = points.with_added([Palette("pot", PALETTE)], {"pot": [color]}).recolored(edited[None])
-    np.testing.assert_allclose(found.reshape(2, 20, 3), recolored(color, edited), atol=1 / 255)
+    np.testing.assert_allclose(found.reshape(2, 20, 3), composite(color, edited), atol=1 / 255)
 
 
-# -------------------------------------------------------------------------------------------------- neutrals, proposals
-def lettered(share_of_silver=0.5):
-    """The histogram of a silver thing with red letters."""
-    seen = seen_of(np.concatenate([lit(RED), lit(SILVER)]).astype(np.float32), PALETTE)
+def silver_with_letters(share_of_silver=0.5):
+    """The histogram of a silver object with red letters."""
+    seen = histogram_of(np.concatenate([lit(RED), lit(SILVER)]).astype(np.float32), PALETTE)
     return seen._replace(counts=np.repeat([1 - share_of_silver, share_of_silver], 20))
 
 
-def test_protected_neutrals_stay_where_hue_alone_would_take_them():
-    seen, differences = lettered(), []
+def test_protected_neutrals_stay():
+    seen, differences = silver_with_letters(), []
     for protect in (0.0, 0.2):
         color = AddedColor(RED, 0.75, protect)
         shares = split_weights(seen.palette_weights.T, PALETTE, [color]).T
-        change = shares @ (edited_with(color, GREEN, seen=seen) - append_added_sets(PALETTE, [color]))
+        change = shares @ (match_edit(color, GREEN, seen=seen) - append_added_sets(PALETTE, [color]))
         differences.append(mean_ciede2000(seen.colors, seen.colors + change))
         assert mean_ciede2000((seen.colors + change)[:20], lit(GREEN)) < 2.5
         assert (np.abs(change[20:]).max() < 1e-6) == bool(protect)
@@ -128,18 +126,18 @@ def test_protected_neutrals_stay_where_hue_alone_would_take_them():
 @pytest.mark.parametrize(
     ("share_of_silver", "picked", "protect"),
     [(0.5, RED, PROTECT), (0.01, RED, 0.0), (0.5, np.full(3, 0.6), 0.0)],
-    ids=["much silver", "highlights alone", "a gray that is picked"],
+    ids=["much silver", "highlights alone", "a picked gray"],
 )
-def test_the_objects_colors_propose_what_is_protected(share_of_silver, picked, protect):
-    color = propose_added_color(lettered(share_of_silver), picked)
+def test_protection_is_proposed_from_the_object_colors(share_of_silver, picked, protect):
+    color = propose_added_color(silver_with_letters(share_of_silver), picked)
     assert color.protect == protect
     assert picked is RED or color.reach == AddedColor(RED).reach  # a gray has no hue to propose by
-    assert mean_ciede2000(pigment_of_swatch(lettered(share_of_silver), 1)[None], RED[None]) < 10
+    assert mean_ciede2000(pigment_of_swatch(silver_with_letters(share_of_silver), 1)[None], RED[None]) < 10
 
 
-def test_a_proposed_reach_ends_before_the_next_pigment():
-    seen = ColorHistogram(np.concatenate([lit(RED), lit(np.array([0.7, 0.35, 0.1]))]), np.ones(40), np.ones((40, 1)))
-    alone = ColorHistogram(lit(RED), np.ones(20), np.ones((20, 1)))
-    color = propose_added_color(seen, RED)
+def test_proposed_reach_ends_before_the_next_pigment():
+    alone, orange = ColorHistogram(lit(RED), np.ones(20), np.ones((20, 1))), lit(np.array([0.7, 0.35, 0.1]))
+    both = ColorHistogram(np.concatenate([lit(RED), orange]), np.ones(40), np.ones((40, 1)))
     assert propose_added_color(alone, RED).reach == pytest.approx(0.75)
-    assert pigment_gate(seen.colors[20:], RED, color.reach).max() < 0.1 < pigment_gate(seen.colors[20:], RED, 1).max()
+    reach = propose_added_color(both, RED).reach
+    assert pigment_gate(orange, RED, reach).max() < 0.1 < pigment_gate(orange, RED, 1).max()

@@ -1,10 +1,10 @@
-"""Edits by "becomes": the solvers against their optimality conditions, the rules against spheres of known paint."""
+"""Edits by "becomes", on spheres of known paint, and the solvers behind them."""
 
 import numpy as np
 import pytest
 
 from blender_tests.engine.palettes import conftest
-from blender_tests.engine.palettes.conftest import BLUE, CREAM, GREEN, RED, YELLOW, lit, seen_of, shown
+from blender_tests.engine.palettes.conftest import BLUE, CREAM, GREEN, RED, YELLOW, histogram_of, lit, recolor
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear
 from karf_engine.metrics.images import hue_shift, mean_ciede2000
@@ -14,10 +14,13 @@ from karf_engine.palettes.matching.paints import reflection_target
 
 IS_PAINT = conftest.sphere_normals()[1]  # of a striped sphere
 PALETTE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+GREY, PALE = np.full(3, 0.7), (0.75, 0.75, 0.85)
+RED_SWATCHES = [[0, 0, 0], [0.75, 0.05, 0.05], [1, 0.95, 0.95], [1, 0.95, 0.6]]  # black, paint, gloss, stripes
+HALF = [0.5, 0.5, 0.5]
 
 
 def repainted_sphere(first, second, stripes=None, other=None):
-    """A sphere before and after, which of it changes, and the changed colors as an eyedropper takes them."""
+    """A sphere before and after, its pixels that change, and their colors as an eyedropper takes them."""
     before = conftest.glossy_sphere(first, stripes=stripes)
     after = conftest.glossy_sphere(second, stripes=stripes if other is None else other)
     paints = [IS_PAINT | (stripes is None), ~IS_PAINT][: 1 + (other is not None)]
@@ -29,7 +32,7 @@ def repainted_sphere(first, second, stripes=None, other=None):
     "paints",
     [(RED, BLUE), (RED, GREEN), (BLUE, YELLOW), (YELLOW, RED), (RED, BLUE, CREAM), (GREEN, RED, CREAM, BLUE)],
 )
-def test_model_repaints_the_sphere_and_leaves_its_stripes(paints):
+def test_model_repaints_a_sphere_and_keeps_its_stripes(paints):
     before, after, is_changed, source, target = repainted_sphere(*paints)
     result = reflection_target(before, source, target)
     assert mean_ciede2000(before, after, is_changed) > 25
@@ -37,30 +40,27 @@ def test_model_repaints_the_sphere_and_leaves_its_stripes(paints):
     assert is_changed.all() or mean_ciede2000(result, before, ~is_changed) < 0.5
 
 
-def mixed(*lights):
-    """The color, sRGB [1, 3], of the mean of these colors' light."""
+def mix_light(*lights):
+    """The mean of the light of colors, sRGB [1, 3]."""
     return linear_to_srgb(np.mean([srgb_to_linear(np.array(each)) for each in lights], axis=0))[None]
 
 
-def in_shades(paint, noise=0.0):
+def shades(paint, noise=0.0):
     light = np.linspace(0.2, 1, 9)[:, None] * srgb_to_linear(np.array(paint))
     return linear_to_srgb(light + np.random.default_rng(0).normal(0, noise, (9, 3)))
-
-
-GREY, PALE = np.full(3, 0.7), (0.75, 0.75, 0.85)
 
 
 @pytest.mark.parametrize(
     ("colors", "sources", "targets", "expected", "tolerance"),
     [
         *((one[None], one, other, other[None], 1e-4) for one, other in ((RED, BLUE), (CREAM, GREEN), (GREY, YELLOW))),
-        (in_shades(GREY), GREY, RED, in_shades(RED), 1e-4),
-        (in_shades(BLUE), GREY, RED, in_shades(BLUE), 1e-4),  # a gray source leaves strong colors alone
-        (mixed(GREEN, RED), [GREEN, RED], [GREEN, BLUE], mixed(GREEN, BLUE), 1),
-        (in_shades(PALE, noise=0.004), PALE, (0.5, 0.6, 0.75), in_shades((0.5, 0.6, 0.75)), 2),  # no gloss
+        (shades(GREY), GREY, RED, shades(RED), 1e-4),
+        (shades(BLUE), GREY, RED, shades(BLUE), 1e-4),  # a gray source leaves strong colors alone
+        (mix_light(GREEN, RED), [GREEN, RED], [GREEN, BLUE], mix_light(GREEN, BLUE), 1),
+        (shades(PALE, noise=0.004), PALE, (0.5, 0.6, 0.75), shades((0.5, 0.6, 0.75)), 2),  # no gloss
     ],
 )
-def test_a_paint_alone_in_shade_or_mixed_becomes_the_target(colors, sources, targets, expected, tolerance):
+def test_shaded_and_mixed_paints_become_the_target(colors, sources, targets, expected, tolerance):
     moved = reflection_target(colors, np.array(sources), np.array(targets))
     assert mean_ciede2000(moved, expected) < tolerance
 
@@ -74,21 +74,16 @@ def test_gloss_is_never_negative():
     assert 0.9 < np.linalg.norm(srgb_to_linear(moved) - light) / full <= 1 + 1e-6
 
 
-def test_colored_light_tints_the_new_paint_as_the_old_and_a_black_source_is_refused():
+def test_colored_light_tints_the_new_paint():
     warm, target = np.array([1.2, 1.0, 0.75]), np.array([0.5, 0.6, 0.75])
     moved = reflection_target(linear_to_srgb(warm * srgb_to_linear(CREAM))[None], CREAM, target)
     tinted, plain = (linear_to_srgb(light * srgb_to_linear(target[None])) for light in (warm, 1.0))
     assert mean_ciede2000(moved, tinted) < 0.85 * mean_ciede2000(plain, tinted)
+
+
+def test_black_source_is_rejected():
     with pytest.raises(BadRequest, match="black"):
         reflection_target(np.ones((1, 3)), np.zeros(3), RED)
-
-
-# -------------------------------------------------------------------------------------------------------- whole objects
-RED_SWATCHES = [[0, 0, 0], [0.75, 0.05, 0.05], [1, 0.95, 0.95], [1, 0.95, 0.6]]  # black, paint, gloss, stripes
-GREEN_SWATCHES = [[0, 0, 0], [0.1, 0.75, 0.25], [1, 1, 0.95], [0.95, 1, 1]]
-
-
-STRIPED_SWATCHES = [[0, 0, 0], [0.05, 0.6, 0.2], [1, 1, 0.95], [0.95, 0.85, 0.6]]
 
 
 @pytest.mark.parametrize(
@@ -96,64 +91,61 @@ STRIPED_SWATCHES = [[0, 0, 0], [0.05, 0.6, 0.2], [1, 1, 0.95], [0.95, 0.85, 0.6]
     [
         ((RED, GREEN), RED_SWATCHES),
         ((RED, GREEN, CREAM), RED_SWATCHES),
-        ((GREEN, YELLOW), GREEN_SWATCHES),
-        ((GREEN, RED, CREAM, BLUE), STRIPED_SWATCHES),
+        ((GREEN, YELLOW), [[0, 0, 0], [0.1, 0.75, 0.25], [1, 1, 0.95], [0.95, 1, 1]]),
+        ((GREEN, RED, CREAM, BLUE), [[0, 0, 0], [0.05, 0.6, 0.2], [1, 1, 0.95], [0.95, 0.85, 0.6]]),
     ],
 )
-def test_becomes_is_far_below_no_edit_and_a_hue_shift_and_brighter_paint_exceeds_white(paints, swatches):
+def test_becomes_beats_no_edit_and_a_hue_shift(paints, swatches):
     before, after, _, source, target = repainted_sphere(*paints)
     palette = np.array(swatches, np.float32)
-    seen = seen_of(before, palette)
+    seen = histogram_of(before, palette)
     edited = match_becomes(*seen, palette, source, target)
-    error = mean_ciede2000(shown(seen, palette, edited), after)
+    error = mean_ciede2000(recolor(seen, palette, edited), after)
     assert error < 0.1 * mean_ciede2000(before, after)
     assert source.ndim > 1 or error < 0.5 * mean_ciede2000(hue_shift(before, source, target), after)
-    if paints[1] is YELLOW:
-        held_to_white = mean_ciede2000(shown(seen, palette, edited.clip(0, 1)), after)
-        assert edited.max() > 1 and error < 0.6 * held_to_white
+    if paints[1] is YELLOW:  # brighter than the old paint: the edit must exceed white
+        clipped = mean_ciede2000(recolor(seen, palette, edited.clip(0, 1)), after)
+        assert edited.max() > 1 and error < 0.6 * clipped
 
 
-def test_a_paint_that_nobody_asked_to_change_holds():
+def test_unpicked_paints_stay():
     violet, blue = lit(np.array([0.5, 0.3, 0.5])), lit(np.array([0.32, 0.3, 0.6]))
     palette = np.array([[0, 0, 0], [0.55, 0.3, 0.5], [0.3, 0.3, 0.65]], np.float32)
-    seen = seen_of(np.concatenate([violet, blue]), palette)
-    result = shown(seen, palette, match_becomes(*seen, palette, violet[-1], GREEN))
+    seen = histogram_of(np.concatenate([violet, blue]), palette)
+    result = recolor(seen, palette, match_becomes(*seen, palette, violet[-1], GREEN))
     assert mean_ciede2000(result[:20], lit(GREEN)) < 4
     assert mean_ciede2000(result[20:], blue) < 4
-    # where both are asked, none holds
     both = match_becomes(*seen, palette, np.stack([violet[-1], blue[-1]]), np.stack([GREEN, GREEN]))
-    assert mean_ciede2000(shown(seen, palette, both)[20:], lit(GREEN)) < 6
+    assert mean_ciede2000(recolor(seen, palette, both)[20:], lit(GREEN)) < 6
 
 
-def test_two_picks_that_look_alike_do_not_spoil_what_is_not_picked():
+def test_similar_picks_do_not_spoil_unpicked_colors():
     palette = np.array([[0, 0, 0], [0.87, 1, 0.92], [0.97, 0.96, 1], [0, 0.68, 0.69]], np.float32)
-    seen = seen_of(np.random.default_rng(3).dirichlet([3, 5, 2, 1], 300) @ palette, palette)
+    seen = histogram_of(np.random.default_rng(3).dirichlet([3, 5, 2, 1], 300) @ palette, palette)
     sources = np.array([[0.596, 0.694, 0.659], [0.573, 0.663, 0.643]])
     targets = np.array([[0.706, 0.635, 0.522], [0.663, 0.647, 0.494]])
-    result = shown(seen, palette, match_becomes(*seen, palette, sources, targets))
+    result = recolor(seen, palette, match_becomes(*seen, palette, sources, targets))
     assert mean_ciede2000(result, reflection_target(seen.colors, sources, targets)) < 3
 
 
-def test_a_metals_highlights_take_its_color_by_becomes_and_by_a_drag():
-    # a room as the metal shows it: its floor is dark and brown, its ceiling is light and white
+def test_metal_highlights_take_the_new_color():
+    # the reflected room has a dark brown floor and a light white ceiling
     room = np.concatenate([np.linspace(0.05, 1.0, 30), np.linspace(1.0, 2.0, 10)])[:, None]
     room = room ** np.where(room < 1, [0.8, 1.0, 1.3], 1.0)
-    gold, blue = (
-        linear_to_srgb(room * srgb_to_linear(np.array(each))).clip(0, 1)
-        for each in ((0.85, 0.65, 0.35), (0.35, 0.5, 0.85))
-    )
+    paints = np.array([(0.85, 0.65, 0.35), (0.35, 0.5, 0.85)])
+    gold, blue = linear_to_srgb(room * srgb_to_linear(paints)[:, None]).clip(0, 1)
     source, target = gold[29], blue[29]
     as_metal = mean_ciede2000(reflection_target(gold, source, target, True), blue)
     assert as_metal < 1 and as_metal < mean_ciede2000(reflection_target(gold, source, target), blue) / 2
     palette = np.array([[0, 0, 0], [1, 0.77, 0.42], [1, 1, 0.6]], np.float32)
-    seen = seen_of(gold, palette)
+    seen = histogram_of(gold, palette)
     solved = match_becomes(*seen, palette, source, target, is_metal=True)
     dragged, plain = (match_dragged(*seen, palette, 1, solved[1], is_metal=is_metal) for is_metal in (True, False))
-    errors = [mean_ciede2000(shown(seen, palette, edited), blue) for edited in (solved, dragged, plain)]
+    errors = [mean_ciede2000(recolor(seen, palette, edited), blue) for edited in (solved, dragged, plain)]
     assert errors[0] < 4 and errors[1] < errors[2]
 
 
-def test_a_dragged_swatch_is_what_it_is_given_and_its_shade_follows_also_beyond_white():
+def test_dragged_swatch_takes_its_color_and_shades_follow():
     palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1], [0.35, 0.05, 0.05], [0.001, 0.001, 0.001]], np.float32)
     weights = np.repeat(np.eye(4)[1:3], 10, axis=0)
     seen = weights @ palette, np.ones(20), weights
@@ -165,10 +157,9 @@ def test_a_dragged_swatch_is_what_it_is_given_and_its_shade_follows_also_beyond_
     np.testing.assert_array_equal(black, [*palette[:3], np.float32([0.1, 0.2, 0.9])])
 
 
-# ------------------------------------------------------------------------------------------------------------- the fits
-def test_what_cannot_be_moved_apart_pulls_less_by_what_is_seen_than_by_squares():
+def test_perceptual_fit_keeps_inseparable_pixels_closer():
     weights = np.repeat(np.random.default_rng(8).dirichlet(np.ones(4), 60), 2, axis=0)
-    colors, counts = weights @ PALETTE, np.tile([3.0, 1.0], 60)  # pairs of one color, the first of which is to stay
+    colors, counts = weights @ PALETTE, np.tile([3.0, 1.0], 60)  # pairs of one color, the first one is to stay
     targets = np.where(np.arange(120)[:, None] % 2, weights @ PALETTE[[0, 2, 3, 1]], colors)
     stays = np.arange(120) % 2 == 0
     off = []
@@ -179,7 +170,7 @@ def test_what_cannot_be_moved_apart_pulls_less_by_what_is_seen_than_by_squares()
     assert off[1] < 0.9 * off[0]
 
 
-def test_pixels_are_matched_exactly_where_a_palette_can_and_counts_weigh_like_repeated_pixels():
+def test_pixel_fit_is_exact_and_counts_act_as_repetitions():
     random = np.random.default_rng(6)
     weights, wanted = random.dirichlet(np.ones(4), 500), np.vstack([np.zeros(3), 0.1 + 0.8 * random.random((3, 3))])
     edited = match_pixels(weights, weights @ PALETTE, weights @ wanted, PALETTE)
@@ -207,24 +198,21 @@ def test_least_squares_meets_its_optimality_conditions():
         assert gradient[(x == upper) & (lower < upper)].max(initial=0) < 1e-8
 
 
-HALF = [0.5, 0.5, 0.5]
-
-
 @pytest.mark.parametrize(
     ("swatches", "weights", "shown", "change", "expected"),
     [
-        # the swatch that has most of the pixel takes the whole change over its weight 0.6
+        # the swatch with most weight, 0.6, takes the whole change
         ([HALF, [0.4, 0.5, 0.6], [0.5, 0.3, 0.5]], [0.1, 0.2, 0.6, 0.1], None, [0.06, -0.12, 0.18],
          [HALF, [0.5, 0.3, 0.9], [0.5, 0.3, 0.5]]),
         # the second has room for 0.1 x 0.6 = 0.06, the first gives the other 0.04
         ([HALF, [0.9, 0.5, 0.5]], [0, 0.4, 0.6], None, [0.1, 0, 0], [[0.6, 0.5, 0.5], [1, 0.5, 0.5]]),
-        # out of reach: as close as the range of colors allows
+        # out of reach: as close as the range allows
         ([HALF], [0.5, 0.5], None, [0.75, -0.25, 0.05], [[1, 0, 0.6]]),
         # the photo shows 0.1 more than the palette gives
         ([HALF], [0.5, 0.5], [0.35] * 3, [0.15] * 3, [[0.6] * 3]),
     ],
 )  # fmt: skip
-def test_fewest_moves_as_few_swatches_as_reach_the_color_shown(swatches, weights, shown, change, expected):
+def test_fewest_moves_as_few_swatches_as_needed(swatches, weights, shown, change, expected):
     palette, weights = np.array([[0, 0, 0], *swatches], np.float32), np.array(weights)
     shown = None if shown is None else np.array(shown)
     edited = match_fewest(weights, palette, weights @ palette + change, shown=shown)

@@ -1,4 +1,4 @@
-"""A gray card or a color chart in a photo tells under which light the photo was taken."""
+"""The light of a photo, estimated from a gray card or a color chart in it."""
 
 import numpy as np
 import pytest
@@ -28,38 +28,36 @@ def photo():
     return photo_of_chart()
 
 
-def photographed(color, light=CAST):
+def expose(color, light=CAST):
     return linear_to_srgb(srgb_to_linear(color) @ light.T)
 
 
-# ---------------------------------------------------------------------------------------------------------- a gray card
 @pytest.mark.parametrize("lightness", [None, 30.0, 70.0])
-def test_paints_photographed_with_a_card_are_known_under_the_reference_light(lightness):
-    card = photographed(lab_to_srgb(np.array([lightness or 50.0, 0, 0])), LAMP)
+def test_card_recovers_paints_under_the_reference_light(lightness):
+    card = expose(lab_to_srgb(np.array([lightness or 50.0, 0, 0])), LAMP)
     light = ReferenceLight.of_card(card, lightness) if lightness else ReferenceLight.of_card(card)
     np.testing.assert_allclose(light.matrix, LAMP, rtol=1e-6, atol=1e-12)
-    assert mean_ciede2000(light.reference(photographed(PAINTS, LAMP)), PAINTS) < 0.01
-    assert mean_ciede2000(light.photographed(PAINTS), photographed(PAINTS, LAMP)) < 0.01
+    assert mean_ciede2000(light.reference(expose(PAINTS, LAMP)), PAINTS) < 0.01
+    assert mean_ciede2000(light.photographed(PAINTS), expose(PAINTS, LAMP)) < 0.01
 
 
 @pytest.mark.parametrize(
     ("card", "lightness"), [((0.01, 0.5, 0.5), 50), ((0.5, 1.0, 0.5), 50), ((0.5,) * 3, 0), ((0.5,) * 3, 101)]
 )
-def test_a_card_that_tells_nothing_is_refused(card, lightness):
+def test_uninformative_cards_are_rejected(card, lightness):
     with pytest.raises(BadRequest, match="card"):
         ReferenceLight.of_card(np.array(card), lightness)
 
 
-# -------------------------------------------------------------------------------------------------------------- a chart
-def test_a_chart_tells_the_light_of_a_noisy_photo_taken_at_a_slant(photo):
+def test_chart_recovers_the_light_of_a_noisy_slanted_photo(photo):
     fit = fit_photo(photo, CORNERS)
     np.testing.assert_allclose(fit.light.matrix, CAST, atol=0.005)
     assert fit.mean_residual < 0.3
-    assert mean_ciede2000(fit.light.reference(photographed(PAINTS)), PAINTS) < 0.3
-    assert mean_ciede2000(fit.light.photographed(PAINTS), photographed(PAINTS)) < 0.3
-    # a gray card alone does not tell where the cast mixes channels
+    assert mean_ciede2000(fit.light.reference(expose(PAINTS)), PAINTS) < 0.3
+    assert mean_ciede2000(fit.light.photographed(PAINTS), expose(PAINTS)) < 0.3
+    # a gray card alone cannot undo a cast that mixes channels
     card = ReferenceLight.of_card(patch_colors(photo, CORNERS)[21], PATCHES[21][1])
-    assert mean_ciede2000(card.reference(photographed(PAINTS)), PAINTS) > 3
+    assert mean_ciede2000(card.reference(expose(PAINTS)), PAINTS) > 3
 
 
 @pytest.mark.parametrize(
@@ -69,15 +67,15 @@ def test_a_chart_tells_the_light_of_a_noisy_photo_taken_at_a_slant(photo):
         (np.roll(CORNERS, 2, axis=0)[::-1], 0),
         (CORNERS + np.array([[-6, 5], [6, 4], [5, -6], [-5, -5]]), 0.01),
     ],
-    ids=["begun elsewhere", "the other way round", "some pixels off"],
+    ids=["another start", "reversed", "inexact"],
 )
-def test_the_corners_may_begin_anywhere_go_either_way_round_and_be_some_pixels_off(photo, corners, tolerance):
+def test_corner_order_and_small_errors_do_not_matter(photo, corners, tolerance):
     expected = fit_photo(photo, CORNERS).light.matrix
     np.testing.assert_allclose(fit_photo(photo, corners).light.matrix, expected, rtol=0, atol=tolerance)
 
 
 @pytest.mark.parametrize("begin", [0, 2], ids=["upright", "upside down"])
-def test_a_worker_finds_the_chart_and_reads_the_light_off_a_photo_that_is_named(tmp_path, begin):
+def test_worker_finds_the_chart_and_its_light_in_a_photo(tmp_path, begin):
     write_png(tmp_path / "chart.png", photo_of_chart(corners=np.roll(CORNERS, begin, axis=0)))
     answer = QUERIES["chart"](Session(tmp_path), {"photo": str(tmp_path / "chart.png")})
     np.testing.assert_allclose(np.reshape(answer["light"], (3, 3)), CAST, atol=0.01)
@@ -87,13 +85,13 @@ def test_a_worker_finds_the_chart_and_reads_the_light_off_a_photo_that_is_named(
         QUERIES["chart"](Session(tmp_path), {"photo": str(tmp_path / "wall.png")})
 
 
-def test_clipped_patches_do_not_count():
+def test_clipped_patches_are_ignored():
     fit = fit_chart(np.clip(linear_to_srgb(srgb_to_linear(reference_colors()) * 1.5), 0, 1))
     np.testing.assert_allclose(fit.light.matrix, 1.5 * np.eye(3), atol=1e-6)
     assert np.isnan(fit.residuals[18])  # white
 
 
-def test_a_wrong_patch_is_named_as_the_worst_one_and_a_chart_in_the_dark_is_refused():
+def test_worst_patch_is_named_and_a_dark_chart_is_rejected():
     seen = reference_colors().clip(0, 1)
     seen[14] = [0.2, 0.3, 0.7]  # a finger on the red
     assert "(red)" in str(fit_chart(seen))
@@ -109,6 +107,6 @@ def test_a_wrong_patch_is_named_as_the_worst_one_and_a_chart_in_the_dark_is_refu
         ([[10, 10], [90, 10], [90, 60], [10, 60]], "patches are neither|does not look like"),  # beside the chart
     ],
 )
-def test_what_is_no_chart_is_refused(photo, corners, words):
+def test_impossible_chart_corners_are_rejected(photo, corners, words):
     with pytest.raises(BadRequest, match=words):
         fit_photo(photo, np.array(corners, float))

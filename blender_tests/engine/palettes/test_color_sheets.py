@@ -1,4 +1,4 @@
-"""Color books and sheets of colorways: every format gives its names their colors, and errors name file and line."""
+"""Color books and sheets of colorways in every format, and errors that name file and line."""
 
 import json
 import struct
@@ -13,29 +13,31 @@ from karf_engine.palettes.color_books import ColorBook, nearest_names, read_colo
 from karf_engine.palettes.colorways import read_sheet
 
 RGB, CMYK, LAB_SPACE = 0, 2, 7
+HEAD = b"colorway,object,hex\n"
 MINT = np.array([0x80, 0xD0, 0xA0]) / 255
 LAB = srgb_to_lab(MINT)
+BLACK = "x", b"\0\0\0"
 
 
 @pytest.fixture
-def written(tmp_path):
-    """Write a file of this name: the path of it."""
+def write(tmp_path):
+    """Write a file, unless its content is None, and return its path."""
 
     def write(name, content):
         path = tmp_path / name
-        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        if content is not None:
+            path.write_bytes(content.encode() if isinstance(content, str) else content)
         return path
 
     return write
 
 
-# ---------------------------------------------------------------------------------------------------------------- books
 def text(string):
     return struct.pack(">I", len(string)) + string.encode("utf-16-be")
 
 
 def acb(*colors, space=RGB, version=1, prefix="", suffix=""):
-    """A color book of Adobe's: names and the bytes of their colors."""
+    """An Adobe color book of names and the bytes of their colors."""
     head = b"8BCB" + struct.pack(">HH", version, 3000)
     names = [text(f"$$$/colorbook/INK/{key}={value}") for key, value in (("title", "Ink"), ("prefix", prefix))]
     counts = struct.pack(">4H", len(colors), 7, 3, space)
@@ -44,7 +46,7 @@ def acb(*colors, space=RGB, version=1, prefix="", suffix=""):
 
 
 INK = acb(("1^R", b"\xff\0\0"), ("", b"\0\0\0"), ("2", b"\0\0\xff"), prefix="INK ", suffix=" C")
-# sRGB's red as ICC profiles tell it, whose white is D50 (Lindbloom's calculator)
+# sRGB's red under D50, the white of ICC profiles (Lindbloom's calculator)
 RED_IN_BYTES, RED_D50 = bytes([round(54.29 * 2.55), 128 + 81, 128 + 70]), (0.5429, 80.81, 69.89)
 RED, BLUE = (1.0, 0, 0), (0, 0, 1.0)
 
@@ -62,16 +64,16 @@ RED, BLUE = (1.0, 0, 0), (0, 0, 1.0)
          ("Untitled", "untitled (2)", "#ff0000"), [BLUE, BLUE, RED], 0.01),
     ],
 )  # fmt: skip
-def test_a_color_book_gives_each_name_its_color(written, name, data, names, colors, tolerance):
-    book = read_color_book(written(name, data))
+def test_color_books_map_names_to_colors(write, name, data, names, colors, tolerance):
+    book = read_color_book(write(name, data))
     assert (book.name, book.names) == ("ink", names)
     assert ciede2000(book.lab, srgb_to_lab(np.array(colors))).max() < tolerance
-    for each, color in zip(names, colors, strict=True):
-        assert book[each.lower()].dtype == np.float32
-        np.testing.assert_allclose(book[each.lower()], color, atol=0.02)
+    found = [book[each.lower()] for each in names]
+    assert {color.dtype.name for color in found} == {"float32"}
+    np.testing.assert_allclose(found, colors, atol=0.02)
 
 
-def test_the_nearest_names_are_those_of_least_difference_also_where_no_screen_shows_them():
+def test_nearest_names_differ_least_even_out_of_gamut():
     lab, color = srgb_to_lab(np.random.default_rng(3).random((500, 3))), np.array([0.7, 0.2, 0.1])
     found = nearest_names(ColorBook("all", tuple(map(str, range(500))), lab), color, 4)
     wanted = np.sort(ciede2000(lab, srgb_to_lab(color)))[:4]
@@ -82,14 +84,11 @@ def test_the_nearest_names_are_those_of_least_difference_also_where_no_screen_sh
     assert violet.color.min() >= 0 and violet.color.max() <= 1 and nearest_names(wide, violet.color)[0].ciede2000 > 3
 
 
-def test_a_name_that_is_none_is_refused_with_the_nearest():
+def test_unknown_name_is_rejected_with_the_nearest():
     book = ColorBook("RAL", ("RAL 5015", "RAL 9010"), np.zeros((2, 3)))
     assert book["ral5015"].tolist() == [0, 0, 0]
     with pytest.raises(BadRequest, match=r"RAL has no color 'RAL 5051'\. Its nearest name is 'RAL 5015'"):
         book["RAL 5051"]
-
-
-BLACK = "x", b"\0\0\0"
 
 
 @pytest.mark.parametrize(
@@ -114,13 +113,12 @@ BLACK = "x", b"\0\0\0"
         *((f"gone{suffix}", None, "does not exist") for suffix in (".acb", ".ase", ".gpl", ".csv")),
     ],
 )
-def test_what_is_no_book_is_refused(tmp_path, written, name, data, message):
-    path = tmp_path / name if data is None else written(name, data)
+def test_malformed_color_books_are_rejected(write, name, data, message):
+    path = write(name, data)
     with pytest.raises(DataError, match=message):
         read_color_book(path)
 
 
-# --------------------------------------------------------------------------------------------------------------- sheets
 @pytest.mark.parametrize(
     ("columns", "cells"),
     [
@@ -135,40 +133,40 @@ def test_what_is_no_book_is_refused(tmp_path, written, name, data, message):
         ("hex,lab,supplier", "#80d0a0,,Farben Meier"),
     ],
 )
-def test_a_color_may_be_written_in_every_way(written, columns, cells):
-    (colorway,) = read_sheet(written("spring.csv", f"colorway,object,{columns}\nMint,pot,{cells}\n"))
+def test_sheet_reads_every_color_notation(write, columns, cells):
+    (colorway,) = read_sheet(write("spring.csv", f"colorway,object,{columns}\nMint,pot,{cells}\n"))
     (color,) = colorway.target_colors
     assert (colorway.name, color.name, color.source) == ("Mint", "pot", None)
     np.testing.assert_allclose(color.lab, LAB, atol=1e-4)
 
 
-def test_semicolons_go_with_decimal_commas_as_spreadsheets_of_many_countries_write_them(written):
+def test_semicolons_allow_decimal_commas(write):
     rows = "\ufeffcolorway;object;L*;a*;b*\nMint;pot;52,5;-30,25;12\nSky;pot;60;0;0\n\n;;;;\n"
-    mint, sky = read_sheet(written("spring.csv", rows))
+    mint, sky = read_sheet(write("spring.csv", rows))
     assert mint.target_colors[0].lab.tolist() == [52.5, -30.25, 12] and sky.target_colors[0].lab.tolist() == [60, 0, 0]
 
 
-def test_a_json_sheet_says_the_same(written):
+def test_json_sheet_reads_like_csv(write):
     rows = [
         {"colorway": "Mint", "object": "pot", "srgb8": [128, 208, 160], "source_hex": "#ff0000"},
         {"colorway": "Mint", "object": "lid", "lab": LAB.tolist(), "hex": None},
     ]
-    (colorway,) = read_sheet(written("spring.json", json.dumps(rows)))
+    (colorway,) = read_sheet(write("spring.json", json.dumps(rows)))
     assert [color.name for color in colorway.target_colors] == ["pot", "lid"]
     np.testing.assert_allclose(colorway.target_colors[0].source, [1, 0, 0], atol=1e-6)
     np.testing.assert_allclose([color.lab for color in colorway.target_colors], [LAB, LAB], atol=1e-9)
 
 
-def test_names_become_names_of_folders(written):
-    path = written("spring.csv", "colorway,object,hex\nRAL 5010 / Enzian,pot,#004f7c\na:b,pot,#80d0a0\n")
+def test_colorway_names_become_valid_folder_names(write):
+    path = write("a.csv", "colorway,object,hex\nRAL 5010 / Enzian,pot,#004f7c\na:b,pot,#80d0a0\n")
     assert [colorway.folder for colorway in read_sheet(path)] == ["RAL 5010 _ Enzian", "a_b"]
 
 
-def test_a_row_may_be_an_edit_beside_the_sheet(tmp_path, written):
-    mint, look = read_sheet(written("a.csv", "colorway,object,hex,edit\nMint,pot,#80d0a0,\nA,,,edits/a.json\n"))
+def test_row_may_name_an_edit_file_beside_the_sheet(tmp_path, write):
+    mint, look = read_sheet(write("a.csv", "colorway,object,hex,edit\nMint,pot,#80d0a0,\nA,,,edits/a.json\n"))
     assert mint.edit is None and look.edit == tmp_path / "edits" / "a.json" and not look.target_colors
     rows = [{"colorway": "A", "edit": "a.json"}]
-    assert read_sheet(written("looks.json", json.dumps(rows)))[0].edit == tmp_path / "a.json"
+    assert read_sheet(write("looks.json", json.dumps(rows)))[0].edit == tmp_path / "a.json"
 
 
 @pytest.mark.parametrize(
@@ -189,8 +187,8 @@ def test_a_row_may_be_an_edit_beside_the_sheet(tmp_path, written):
         ("A,pot,#000000,,\nA,,,,a.json", "line 3: 'A' is an edit and has another row"),
     ],
 )
-def test_an_error_names_the_line_and_the_value(written, rows, sentence):
-    path = written("spring.csv", f"colorway,object,hex,lab,edit\n{rows}\n")
+def test_wrong_row_is_rejected_with_its_line_and_value(write, rows, sentence):
+    path = write("spring.csv", f"colorway,object,hex,lab,edit\n{rows}\n")
     with pytest.raises(DataError) as caught:
         read_sheet(path)
     assert sentence in caught.value.sentence and str(path) in caught.value.sentence and caught.value.hint
@@ -199,19 +197,13 @@ def test_an_error_names_the_line_and_the_value(written, rows, sentence):
 @pytest.mark.parametrize(
     ("name", "content"),
     [
-        ("a.csv", b""),
-        ("a.csv", b"colorway,object,hex\n"),
-        ("a.csv", b"colorway,object,hex\nM\xfcnze,pot,#80d0a0\n"),
-        ("a.csv", b"\x00\x01\x02\n\x00"),
-        ("a.json", b"{}"),
-        ("a.json", b"[1]"),
-        ("a.json", b'[{"colorway": 3, "object": "pot", "hex": "#000000"}]'),
-        ("a.json", b'[{"colorway": "M", "object": "pot", "lab": [1, 2, {}]}]'),
-        ("a.json", b'[{"colorway": "M", "object": "pot", "lab": 7}]'),
+        *(("a.csv", each) for each in (b"", HEAD, HEAD + b"M\xfcnze,pot,#80d0a0\n", b"\x00\x01\x02\n\x00")),
+        *(("a.json", each) for each in ("{}", "[1]", '[{"colorway": 3, "object": "pot", "hex": "#000000"}]')),
+        *(("a.json", f'[{{"colorway": "M", "object": "pot", "lab": {each}}}]') for each in ("[1, 2, {}]", 7)),
         ("gone.csv", None),
     ],
 )
-def test_what_is_no_sheet_is_told(tmp_path, written, name, content):
-    path = tmp_path / name if content is None else written(name, content)
+def test_malformed_sheets_are_rejected(write, name, content):
+    path = write(name, content)
     with pytest.raises(DataError, match=name):
         read_sheet(path)

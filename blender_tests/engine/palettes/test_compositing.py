@@ -1,4 +1,4 @@
-"""Compositing of edit planes: the formulas, at once and swatch by swatch, and their files."""
+"""Compositing of edit planes, all at once and swatch by swatch, and the files of planes."""
 
 from dataclasses import replace
 
@@ -17,17 +17,26 @@ from karf_engine.palettes.compositing import (
 from karf_engine.palettes.swatch_picture import delta_picture, paper_picture
 
 SIZE = (90, 250)
+# successive edits: object, swatch, color (None: as learned)
+EDITS = (
+    [(0, 1, (0.9, 0.1, 1.7))],
+    [(0, 1, (0.8, 0.1, 1.7))],
+    [(1, 2, (0.0, 0.7, 0.1))],
+    [(1, 2, (0.1, 0.7, 0.1)), (0, 3, (0.2, 0.2, 0.2))],
+    [(1, 3, (1.0, 1.0, 1.0))],
+    [(0, 1, None)],
+    [(0, 3, None), (1, 2, None), (1, 3, None)],
+)
 
 
 @pytest.fixture
 def planes():
-    """Two objects of 4 palette entries that meet, the second with an entry that it does not use; round them nothing."""
+    """Two objects that meet, of 4 palette entries each; the second does not use one of its entries."""
     random = np.random.default_rng(5)
-    weights = random.dirichlet(np.ones(9), SIZE)[..., :8].transpose(2, 0, 1).reshape(2, 4, *SIZE)
+    weights = random.dirichlet(np.ones(9), SIZE)[..., :8].transpose(2, 0, 1).reshape(2, 4, *SIZE).astype(np.float16)
     weights[0, :, :, :40] = weights[0, :, :, 170:] = weights[1, :, :20] = weights[1, :, 70:] = weights[1, 3] = 0
-    weights = weights.astype(np.float16)
     base = random.integers(0, 256, (*SIZE, 3)).astype(np.uint8)
-    return Planes(("pot", "mug"), weights, weights.sum(axis=1), base)
+    return Planes(("pot", "tea cup é"), weights, weights.sum(axis=1), base)
 
 
 @pytest.fixture
@@ -46,13 +55,12 @@ def delta(planes, learned, edited, kind=np.float32):
 
 
 def paper(planes, edited):
-    wide = planes.palette_weights.astype(np.float32), planes.probabilities.astype(np.float32)
-    return paper_composite(picture_of(planes), *wide, edited)
+    weights, probabilities = planes.palette_weights.astype(np.float32), planes.probabilities.astype(np.float32)
+    return paper_composite(picture_of(planes), weights, probabilities, edited)
 
 
-# --------------------------------------------------------------------------------------------------------- the formulas
 @pytest.mark.parametrize("kind", [np.float16, np.float32])
-def test_delta_is_base_plus_weights_times_change_and_nothing_where_no_changed_swatch_is(planes, learned, kind):
+def test_delta_adds_weighted_changes_to_the_base(planes, learned, kind):
     edited = learned.copy()
     edited[0, 2], edited[1, 3], edited[1, 2] = [1, 0.2, 0], [0, 0.9, 0.3], [0, 0.9, 0.3]
     weights = planes.palette_weights.astype(float)
@@ -65,7 +73,7 @@ def test_delta_is_base_plus_weights_times_change_and_nothing_where_no_changed_sw
     np.testing.assert_array_equal(result[elsewhere], picture_of(planes)[elsewhere])
 
 
-def test_paper_composite_repaints_the_hard_mask_and_nothing_else():
+def test_paper_composite_repaints_only_the_hard_mask():
     base = np.full((1, 4, 3), 0.5, np.float32)
     # pixels: background, object 0, object 1, object 0 against a stronger background
     probabilities = np.array([[[0, 0.8, 0.3, 0.4]], [[0, 0.1, 0.6, 0.0]]], np.float32)
@@ -82,21 +90,8 @@ def test_smaller_palettes_are_padded_with_zeros():
     assert stack_palettes((), {}).shape == (0, 0, 3)
 
 
-# ----------------------------------------------------------------------------------------------------- swatch by swatch
-# an edit after the other: object, swatch, color; None: as learned
-EDITS = (
-    [(0, 1, (0.9, 0.1, 1.7))],
-    [(0, 1, (0.8, 0.1, 1.7))],
-    [(1, 2, (0.0, 0.7, 0.1))],
-    [(1, 2, (0.1, 0.7, 0.1)), (0, 3, (0.2, 0.2, 0.2))],
-    [(1, 3, (1.0, 1.0, 1.0))],
-    [(0, 1, None)],
-    [(0, 3, None), (1, 2, None), (1, 3, None)],
-)
-
-
 @pytest.mark.parametrize("compositing", ["delta", "paper"])
-def test_every_edit_in_a_row_gives_the_engines_picture(planes, learned, compositing):
+def test_successive_edits_match_the_engine(planes, learned, compositing):
     out = np.empty((*SIZE, 3), np.float32)
     picture = delta_picture(planes, out) if compositing == "delta" else paper_picture(planes, out)
     edited = learned.copy()
@@ -109,7 +104,7 @@ def test_every_edit_in_a_row_gives_the_engines_picture(planes, learned, composit
     assert shown is out
 
 
-def test_one_edited_swatch_gives_the_engines_bits_and_none_the_photos(planes, learned):
+def test_one_edited_swatch_matches_the_engine_bit_by_bit(planes, learned):
     picture = delta_picture(planes, np.empty((*SIZE, 3), np.float32))
     for color in (learned[0, 2], (0.1, 0.9, 0.2), (0.0, 0.4, 1.9), learned[0, 2]):
         edited = learned.copy()
@@ -119,7 +114,7 @@ def test_one_edited_swatch_gives_the_engines_bits_and_none_the_photos(planes, le
         assert (shown.tobytes() == picture_of(planes).tobytes()) == np.array_equal(edited, learned)
 
 
-def test_only_the_colors_of_an_rgba_buffer_are_written(planes, learned):
+def test_alpha_of_an_rgba_buffer_stays(planes, learned):
     buffers = np.full((2, *SIZE, 4), 7, np.float32)
     weights = planes.palette_weights.astype(np.float32)
     delta_composite(picture_of(planes), weights, learned, 1 - learned, out=buffers[0, ..., :3])
@@ -131,7 +126,7 @@ def test_only_the_colors_of_an_rgba_buffer_are_written(planes, learned):
 
 @pytest.mark.parametrize(("n_objects", "n_entries"), [(0, 0), (2, 4)])
 @pytest.mark.parametrize("make", [delta_picture, paper_picture, None])
-def test_objects_that_the_view_does_not_show_change_nothing(make, n_objects, n_entries):
+def test_invisible_objects_change_nothing(make, n_objects, n_entries):
     nothing = np.zeros((n_objects, n_entries, 6, 5), np.float16)
     planes = Planes(("pot", "mug")[:n_objects], nothing, nothing.sum(1), np.full((6, 5, 3), 51, np.uint8))
     edited = np.ones((n_objects, n_entries, 3), np.float32)
@@ -139,30 +134,22 @@ def test_objects_that_the_view_does_not_show_change_nothing(make, n_objects, n_e
     np.testing.assert_allclose(shown, 0.2, atol=1e-7)
 
 
-# ---------------------------------------------------------------------------------------------------------------- files
-@pytest.fixture
-def small():
-    weights = np.random.default_rng(4).random((2, 3, 5, 6)).astype(np.float16)
-    base = np.random.default_rng(5).integers(0, 256, (5, 6, 3)).astype(np.uint8)
-    return Planes(("pot", "tea cup é"), weights, weights.sum(axis=1), base)
-
-
-def test_planes_come_back_bit_by_bit_with_how_their_photo_is_exposed(tmp_path, small):
+def test_planes_and_gains_round_trip_bit_by_bit(tmp_path, planes):
     path = tmp_path / "planes" / "view.npz"
     for gains in ((1.0, 1.0, 1.0), (0.75, 1.0, 1.25)):
-        write_planes(path, replace(small, gains=gains))
+        write_planes(path, replace(planes, gains=gains))
         read = read_planes(path)
-        assert (read.objects, read.gains) == (small.objects, gains)
+        assert (read.objects, read.gains) == (planes.objects, gains)
         assert ("gains" in np.load(path)) == (gains != (1.0, 1.0, 1.0))
         for name in ("palette_weights", "probabilities", "base"):
-            assert getattr(read, name).dtype == getattr(small, name).dtype
-            np.testing.assert_array_equal(getattr(read, name), getattr(small, name))
+            assert getattr(read, name).dtype == getattr(planes, name).dtype
+            np.testing.assert_array_equal(getattr(read, name), getattr(planes, name))
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_planes_that_do_not_fit_are_refused_in_a_sentence(tmp_path, small):
-    narrow = {"palette_weights": small.palette_weights[..., :-1]}
+def test_malformed_planes_are_rejected(tmp_path, planes):
+    narrow = {"palette_weights": planes.palette_weights[..., :-1]}
     for change in (narrow, {"gains": (0.75, 1.0, 0.0)}, {"gains": (0.75, 1.0, np.nan)}):
-        write_planes(tmp_path / "view.npz", replace(small, **change))
+        write_planes(tmp_path / "view.npz", replace(planes, **change))
         with pytest.raises(DataError, match="weights" if change is narrow else "gains"):
             read_planes(tmp_path / "view.npz")

@@ -1,4 +1,4 @@
-"""Edges that are moved and faded: in pictures, in the planes of objects, and on points in space."""
+"""Edges that are moved and faded in pictures, in the planes of objects, and on points in space."""
 
 from itertools import pairwise
 from math import cos, radians, sin
@@ -19,10 +19,17 @@ from karf_engine.palettes.swatch_picture import ObjectPlanes, delta_picture
 SIDE = 120
 MIDDLE = slice(40, 80)
 SHAPES = [EdgeShape(choke=2), EdgeShape(choke=-3), EdgeShape(feather=8), EdgeShape(-2, 9), EdgeShape(1, 3)]
+RED, GRAY, BLUE = np.array([0.8, 0.2, 0.2]), np.array([0.5, 0.5, 0.5]), np.array([0.2, 0.2, 0.8])
+POT = Palette("pot", np.array([[0, 0, 0], RED, [0.9, 0.9, 0.9]], np.float32))
+MUG = Palette("mug", np.array([[0, 0, 0], BLUE, [1, 1, 1]], np.float32))
+ROWS, COLUMNS = np.mgrid[:40, :40]
+RADIUS = np.hypot(ROWS - 20, COLUMNS - 14)  # from the middle of the pot
+SPACING, PIXEL = 0.1, 0.5
+PLACES = np.arange(-20, 20, SPACING) + SPACING / 2  # across a straight border
 
 
 def straight_edge(degrees=0.0, softness=1.0):
-    """The object right of a straight edge through the middle, which is turned, [H, W]."""
+    """Coverage right of a turned straight edge through the middle, [H, W]."""
     rows, columns = np.mgrid[:SIDE, :SIDE] - (SIDE - 1) / 2
     along = columns * cos(radians(degrees)) + rows * sin(radians(degrees))
     return np.clip(along / softness + 0.5, 0, 1).astype(np.float32)
@@ -34,41 +41,38 @@ def disk(radius, softness=1.0, side=SIDE):
 
 
 def shift(before, after, degrees):
-    """By how many pixels a straight edge has moved into the object."""
-    steep = abs(sin(radians(degrees))) > abs(cos(radians(degrees)))
-    lost = (before - after).sum(axis=0 if steep else 1)[MIDDLE].mean()
-    return lost * max(abs(sin(radians(degrees))), abs(cos(radians(degrees))))
+    """How many pixels a straight edge has moved into the object."""
+    sine, cosine = abs(sin(radians(degrees))), abs(cos(radians(degrees)))
+    return (before - after).sum(axis=0 if sine > cosine else 1)[MIDDLE].mean() * max(sine, cosine)
 
 
-# ---------------------------------------------------------------------------------------------------------- in pictures
 @pytest.mark.parametrize("kind", [np.float16, np.float32])
-def test_a_neutral_shape_gives_the_same_bits(kind):
+def test_neutral_shape_keeps_every_bit(kind):
     soft = np.random.default_rng(0).random((30, 40)).astype(kind)
     np.testing.assert_array_equal(apply_edge_shape(soft, EdgeShape(), scale=0.3).astype(kind), soft)
 
 
 @pytest.mark.parametrize("degrees", range(0, 91, 18))
 @pytest.mark.parametrize("choke", [0.5, 1, 1.7, 3, 8, -0.5, -2, -5])
-def test_an_edge_moves_by_its_choke_in_every_direction(degrees, choke):
+def test_choke_moves_an_edge_in_every_direction(degrees, choke):
     before = straight_edge(degrees)
     assert shift(before, erode(before, choke), degrees) == pytest.approx(choke, abs=0.12)
 
 
 @pytest.mark.parametrize("distance", [0.4, 1, 1.7, 3.2])
-def test_a_moved_edge_is_the_least_of_a_disk_and_of_points_on_its_rim(distance):
+def test_erosion_is_the_minimum_over_a_disk_and_its_rim(distance):
     soft = np.random.default_rng(2).random((30, 40)).astype(np.float32)
     soft[8:20, 10:28] = 1
     pixels = np.argwhere(np.hypot(*np.mgrid[-4:5, -4:5]) <= distance) - 4
     turns = np.arange(edge_shape.DIRECTIONS) * 2 * np.pi / edge_shape.DIRECTIONS
     rim = distance * np.stack([np.sin(turns), np.cos(turns)], axis=1)
     places = np.mgrid[:30, :40]
-    seen = [
-        map_coordinates(soft, places + offset[:, None, None], order=1, mode="nearest") for offset in (*pixels, *rim)
-    ]
-    np.testing.assert_allclose(erode(soft, distance), np.min(seen, axis=0), atol=1e-5)
+    offsets = np.concatenate([pixels, rim])[:, :, None, None]
+    found = [map_coordinates(soft, places + offset, order=1, mode="nearest") for offset in offsets]
+    np.testing.assert_allclose(erode(soft, distance), np.min(found, axis=0), atol=1e-5)
 
 
-def test_growing_is_shrinking_of_the_rest_and_whole_pixels_keep_a_hard_edge_hard():
+def test_growth_shrinks_the_rest_and_whole_pixels_keep_edges_hard():
     soft = np.random.default_rng(3).random((30, 40)).astype(np.float32)
     np.testing.assert_allclose(erode(soft, -1.7), 1 - erode(1 - soft, 1.7), atol=1e-6)
     hard = (straight_edge() > 0.5).astype(np.float32)
@@ -85,7 +89,7 @@ def test_more_choke_never_covers_more(width):
 
 @pytest.mark.parametrize("degrees", [0, 20, 45, 90])
 @pytest.mark.parametrize("width", [0.7, 2, 5, 12, 40])
-def test_a_straight_edge_fades_over_its_feather_alike_on_either_side(degrees, width):
+def test_feather_fades_an_edge_symmetrically(degrees, width):
     before = straight_edge(degrees)
     after = apply_edge_shape(before, EdgeShape(feather=width))
     assert shift(before, after, degrees) == pytest.approx(0, abs=0.02)
@@ -97,9 +101,7 @@ def test_a_straight_edge_fades_over_its_feather_alike_on_either_side(degrees, wi
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_whatever_the_shape_blocks_leave_no_seams_and_a_picture_of_half_the_size_takes_half_the_pixels(
-    shape, monkeypatch
-):
+def test_blocks_leave_no_seams_and_scale_matches_a_halved_picture(shape, monkeypatch):
     fine = disk(80, 2, side=240)
     coarse, halved = (each.reshape(120, 2, 120, 2).mean(axis=(1, 3)) for each in (fine, apply_edge_shape(fine, shape)))
     small = apply_edge_shape(coarse, shape, scale=0.5)
@@ -109,7 +111,7 @@ def test_whatever_the_shape_blocks_leave_no_seams_and_a_picture_of_half_the_size
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_an_object_goes_on_at_the_border_of_the_picture_and_not_into_what_is_anothers(shape):
+def test_object_continues_past_the_border_but_not_into_others(shape):
     object_, other = straight_edge() > 0.5, straight_edge(180) > 0.5
     after = apply_edge_shape(object_, shape)
     np.testing.assert_allclose(after, np.broadcast_to(after[60], after.shape), atol=1e-6)
@@ -117,32 +119,16 @@ def test_an_object_goes_on_at_the_border_of_the_picture_and_not_into_what_is_ano
     assert not apply_edge_shape(object_, shape, room=1 - other.astype(np.float32))[other].any()
 
 
-@pytest.mark.parametrize(
-    ("wrong", "error"),
-    [
-        ({"choke": float("nan")}, BadRequest),
-        ({"choke": 16.5}, BadRequest),
-        ({"feather": -1}, BadRequest),
-        ({"feather": "2"}, TypeError),
-    ],
-)
-def test_a_shape_that_cannot_be_is_refused(wrong, error):
-    with pytest.raises(error, match=next(iter(wrong))):
-        EdgeShape(**wrong)
-
-
-# ------------------------------------------------------------------------------------------------------------ in planes
-RED, GRAY, BLUE = np.array([0.8, 0.2, 0.2]), np.array([0.5, 0.5, 0.5]), np.array([0.2, 0.2, 0.8])
-POT = Palette("pot", np.array([[0, 0, 0], RED, [0.9, 0.9, 0.9]], np.float32))
-MUG = Palette("mug", np.array([[0, 0, 0], BLUE, [1, 1, 1]], np.float32))
-ROWS, COLUMNS = np.mgrid[:40, :40]
-AWAY = np.hypot(ROWS - 20, COLUMNS - 14)  # from the middle of the pot
+@pytest.mark.parametrize(("name", "value"), [("choke", np.nan), ("choke", 16.5), ("feather", -1), ("feather", "2")])
+def test_invalid_shapes_are_rejected(name, value):
+    with pytest.raises(TypeError if value == "2" else BadRequest, match=name):
+        EdgeShape(**{name: value})
 
 
 @pytest.fixture
 def scene():
     """A red pot with soft edges on a ground, a blue mug right beside it: base, weights, coverage."""
-    coverage = np.stack([np.clip(10.5 - AWAY, 0, 1), COLUMNS >= 28]).astype(np.float32)
+    coverage = np.stack([np.clip(10.5 - RADIUS, 0, 1), COLUMNS >= 28]).astype(np.float32)
     weights = np.zeros((2, 3, 40, 40), np.float32)
     weights[:, 1] = coverage
     picture = np.einsum("khw,kc->hwc", coverage, [RED, BLUE]) + (1 - coverage.sum(0))[..., None] * GRAY
@@ -154,13 +140,13 @@ def shape_pot(scene, shape):
 
 
 @pytest.mark.parametrize("edges", [{}, {"pot": EdgeShape()}])
-def test_without_edges_the_same_arrays_come_back(scene, edges):
+def test_planes_without_edges_are_returned_unchanged(scene, edges):
     weights, coverage = apply_edges_to_planes(*scene, [POT, MUG], edges, 1.0)
     assert weights is scene[1] and coverage is scene[2]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_weights_add_up_to_what_is_covered_and_the_mug_keeps_its_own(scene, shape):
+def test_weights_sum_to_coverage_and_other_objects_keep_theirs(scene, shape):
     _, weights, coverage = scene
     after, covered = shape_pot(scene, shape)
     np.testing.assert_allclose(after[0].sum(axis=0), covered[0], atol=1e-5)
@@ -175,24 +161,24 @@ def test_weights_add_up_to_what_is_covered_and_the_mug_keeps_its_own(scene, shap
     np.testing.assert_array_equal(after[0][:, deep], weights[0][:, deep])
 
 
-def test_a_rim_that_was_missed_is_recolored_and_the_ground_keeps_its_gray(scene):
-    base, weights, coverage = scene
-    missed = (AWAY < 11.5) & (coverage[0] < 1)
-    base[missed] = RED  # the pot goes on where nothing is covered
+def test_growth_recolors_a_missed_rim_and_not_the_ground(scene):
+    base, _, coverage = scene
+    missed = (RADIUS < 11.5) & (coverage[0] < 1)
+    base[missed] = RED  # the pot continues where its coverage ends
     learned = stack_palettes(["pot", "mug"], {"pot": POT.colors, "mug": MUG.colors})
     edited = learned.copy()
     edited[0, 1] = [0.1, 0.6, 0.1]
-    after, _ = shape_pot((base, weights, coverage), EdgeShape(choke=-4))
+    after, _ = shape_pot(scene, EdgeShape(choke=-4))
     picture = delta_composite(base.astype(np.float32), after, learned, edited)
     assert (missed & (picture[..., 0] < 0.15)).sum() > 0.9 * missed.sum()
     ground = (coverage.sum(axis=0) == 0) & ~missed
-    # a gray is white and black to this palette: none of its red is in there
+    # to this palette, gray is white and black without any red
     np.testing.assert_allclose(picture[ground], base[ground], atol=1e-6)
 
 
 @pytest.mark.parametrize("as_bytes", [True, False])
 @pytest.mark.parametrize("colors_move", [True, False])
-def test_a_picture_that_follows_is_the_one_that_is_composed_anew(scene, as_bytes, colors_move):
+def test_live_picture_equals_a_new_composite(scene, as_bytes, colors_move):
     base, weights, coverage = scene
     stored = np.rint(255 * base).astype(np.uint8)
     planes = Planes(("pot", "mug"), weights.astype(np.float16), coverage.astype(np.float16), stored)
@@ -201,8 +187,8 @@ def test_a_picture_that_follows_is_the_one_that_is_composed_anew(scene, as_bytes
     factors = np.zeros((2, 3, 3), np.float32)
     factors[0, 1], factors[1, 1] = [-0.6, 0.3, 0.5], [0.3, 0, -0.4]
     picture.paint(factors)
-    kept = planes.palette_weights.astype(np.float32), planes.probabilities.astype(np.float32)
-    edge = ObjectEdge(used, kept[0][0], kept[1][0], 1 - kept[1][1], POT.colors, 1.0)
+    weights, coverage = planes.palette_weights.astype(np.float32), planes.probabilities.astype(np.float32)
+    edge = ObjectEdge(used, weights[0], coverage[0], 1 - coverage[1], POT.colors, 1.0)
     shapes = [EdgeShape(-3), EdgeShape(2), EdgeShape(feather=9), EdgeShape(-1, 4), EdgeShape(-1, 7), EdgeShape()]
     for shape in shapes:
         _, pixels, changed = edge.shaped(shape)
@@ -212,14 +198,14 @@ def test_a_picture_that_follows_is_the_one_that_is_composed_anew(scene, as_bytes
             picture.retouch(0, pixels, changed)
         factors[0, 1, 0] += 0.01 * colors_move
         live = picture.paint(factors)
-        after, _ = shape_pot((used, *kept), shape)
+        after, _ = shape_pot((used, weights, coverage), shape)
         anew = delta_composite(stored.astype(np.float32) / 255, after, np.zeros_like(factors), factors)
         np.testing.assert_allclose(live, anew, atol=1e-6)
-        factors[0, 2, 1] += 0.02 * colors_move  # another color moves alone, so that the next shape begins anew
+        factors[0, 2, 1] += 0.02 * colors_move  # another color moves, and the next shape starts from a new picture
         picture.paint(factors)
 
 
-def test_weights_are_spread_over_the_sets_of_added_colors_whatever_the_edge(scene):
+def test_weights_split_over_added_colors_for_every_edge(scene):
     base, weights, coverage = scene
     added = [AddedColor(np.array([0.7, 0.3, 0.3], np.float32), 0.3), AddedColor(GRAY.astype(np.float32), 0.5)]
     shown = base, weights[0], coverage[0], 1 - coverage[1], POT.colors, 1.0
@@ -231,22 +217,17 @@ def test_weights_are_spread_over_the_sets_of_added_colors_whatever_the_edge(scen
     assert with_sets.weights[3:].any()
 
 
-def test_nothing_stays_nothing(scene):
+def test_empty_coverage_stays_empty(scene):
     assert not apply_edge_shape(np.zeros((5, 7)), EdgeShape(-16, 64)).any()
     assert apply_edge_shape(np.zeros((0, 0)), EdgeShape(1, 1)).shape == (0, 0)
-    base, weights, coverage = scene
-    weights[0], coverage[0] = 0, 0
-    after, covered = shape_pot((base, weights, coverage), EdgeShape(-5, 20))
+    for planes in scene[1:]:
+        planes[0] = 0
+    after, covered = shape_pot(scene, EdgeShape(-5, 20))
     assert not after[0].any() and not covered[0].any()
 
 
-# ------------------------------------------------------------------------------------------------------------- in space
-SPACING, PIXEL = 0.1, 0.5
-PLACES = np.arange(-20, 20, SPACING) + SPACING / 2  # across a straight border
-
-
-def shares_of(shape, others=0.0):
-    """Shares of points along PLACES, of which those over 0 are the pot's; `others`: the mug's share of those below."""
+def shape_points(shape, others=0.0):
+    """Shares before and after of points along PLACES: the pot's above 0; the mug has the share `others` below."""
     shares = np.stack([PLACES > 0, others * (PLACES < 0)], 1).astype(np.float32)
     distances = np.stack([PLACES, np.full_like(PLACES, -np.inf)], 1).astype(np.float32)
     borders = Borders(distances, np.full(2, SPACING, np.float32), np.full(2, PIXEL, np.float32))
@@ -254,16 +235,16 @@ def shares_of(shape, others=0.0):
 
 
 @pytest.mark.parametrize(("shape", "tolerance"), [(EdgeShape(), 0), (EdgeShape(feather=0.01), 1e-6)])
-def test_less_than_a_spacing_changes_no_points(shape, tolerance):
-    before, after = shares_of(shape, others=0.3)
+def test_changes_below_the_spacing_leave_points_alone(shape, tolerance):
+    before, after = shape_points(shape, others=0.3)
     np.testing.assert_allclose(after, before, rtol=0, atol=tolerance)
 
 
 @pytest.mark.parametrize(
     ("choke", "width"), [(-16, 0), (-3, 0), (-0.5, 0), (0.5, 0), (16, 0), (-4, 20), (0, 20), (4, 20)]
 )
-def test_a_border_moves_by_lengths_and_fades_along_the_profile_of_pictures(choke, width):
-    _, after = shares_of(EdgeShape(choke, width))
+def test_points_shift_and_fade_as_pictures_do(choke, width):
+    _, after = shape_points(EdgeShape(choke, width))
     row = (choke * PIXEL < PLACES).astype(np.float32)
     if width:
         row = feather(np.tile(row, (3, 1)), width * PIXEL / SPACING)[1]
@@ -272,6 +253,6 @@ def test_a_border_moves_by_lengths_and_fades_along_the_profile_of_pictures(choke
 
 
 def test_points_do_not_spread_into_another_object():
-    before, after = shares_of(EdgeShape(choke=-8), others=0.75)
+    before, after = shape_points(EdgeShape(choke=-8), others=0.75)
     assert after.sum(1).max() <= 1 + 1e-6 and after[PLACES < 0, 0].max() == pytest.approx(0.25)
     np.testing.assert_array_equal(after[:, 1], before[:, 1])

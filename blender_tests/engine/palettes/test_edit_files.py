@@ -1,4 +1,4 @@
-"""palette.json, edit.json and the palette files of other programs: exact round trips, and sentences for damage."""
+"""palette.json, edit.json and palette files of other programs: exact round trips and errors."""
 
 import json
 import struct
@@ -34,7 +34,7 @@ WITH_ADDED = Edit(COLORS | {"pot": np.tile(POT.colors, (3, 1)) * np.float32(0.37
 
 
 def ase(*blocks, count=None):
-    """A swatch exchange file."""
+    """The bytes of an Adobe swatch exchange file."""
     return b"ASEF\0\1\0\0" + struct.pack(">I", len(blocks) if count is None else count) + b"".join(blocks)
 
 
@@ -44,7 +44,6 @@ def color_block(name, model, *values):
     return struct.pack(">HI", 1, len(content)) + content
 
 
-# ------------------------------------------------------------------------------------------------------- colors as text
 def test_hex_and_rgb_are_inverse_for_every_byte():
     for value in range(256):
         text = f"#{value:02x}{255 - value:02x}00"
@@ -53,8 +52,7 @@ def test_hex_and_rgb_are_inverse_for_every_byte():
     assert rgb_to_hex(np.array([-1, 0.5, 2])) == "#0080ff"
 
 
-# --------------------------------------------------------------------------------------------------------- palette.json
-def test_palettes_come_back_bit_by_bit(tmp_path):
+def test_palettes_round_trip_bit_by_bit(tmp_path):
     path = tmp_path / "palette.json"
     write_palettes(path, [POT, MUG], shared=False, initial=[MUG, POT])
     read = read_palettes(path)
@@ -76,14 +74,13 @@ def test_palettes_come_back_bit_by_bit(tmp_path):
         [],
     ],
 )
-def test_wrong_palettes_are_refused(tmp_path, objects):
+def test_malformed_palettes_are_rejected(tmp_path, objects):
     path = tmp_path / "palette.json"
     path.write_text(json.dumps({"schema": "karf-palette/1", "shared": False, "objects": objects}))
     with pytest.raises(DataError, match=r"palette\.json"):
         read_palettes(path)
 
 
-# ------------------------------------------------------------------------------------------------------------ edit.json
 @pytest.mark.parametrize(
     "edit",
     [
@@ -94,7 +91,7 @@ def test_wrong_palettes_are_refused(tmp_path, objects):
     ],
     ids=["colors", "brighter than white", "added colors", "edges"],
 )
-def test_an_edit_comes_back_bit_by_bit(tmp_path, edit):
+def test_edits_round_trip_bit_by_bit(tmp_path, edit):
     write_edit(tmp_path / "edit.json", edit)
     again = read_edit(tmp_path / "edit.json", [POT, MUG])
     assert (again.compositing, again.edges) == (edit.compositing, edit.edges)
@@ -105,7 +102,7 @@ def test_an_edit_comes_back_bit_by_bit(tmp_path, edit):
         assert (found.reach, found.protect) == (color.reach, color.protect)
 
 
-def test_what_an_edit_does_not_have_is_not_written():
+def test_absent_parts_of_an_edit_are_not_written():
     plain = edit_to_json(Edit(EDIT.colors, edges={"pot": EdgeShape()}))
     assert all(set(entry) == {"colors"} for entry in plain["objects"].values())
     added = edit_to_json(WITH_ADDED)["objects"]["pot"]["added"]
@@ -113,8 +110,8 @@ def test_what_an_edit_does_not_have_is_not_written():
 
 
 @pytest.fixture
-def edit_of(tmp_path):
-    """Read an edit.json of this content."""
+def read_content(tmp_path):
+    """Read an edit.json with the given content."""
 
     def read(**content):
         (tmp_path / "edit.json").write_text(json.dumps({"schema": "karf-edit/1", **content}))
@@ -123,13 +120,13 @@ def edit_of(tmp_path):
     return read
 
 
-def test_what_is_not_written_stays_as_learned(edit_of):
-    read = edit_of(objects={"pot": {"colors": ["#000000", None, "#ff0000"], "edges": {"feather": 3}}})
-    assert read.compositing == "delta" and read.edges == {"pot": EdgeShape(0, 3)}
-    np.testing.assert_array_equal(read.colors["pot"], [[0, 0, 0], POT.colors[1], [1, 0, 0]])
-    np.testing.assert_array_equal(read.colors["my mug"], MUG.colors)
+def test_absent_colors_stay_as_learned(read_content):
+    edit = read_content(objects={"pot": {"colors": ["#000000", None, "#ff0000"], "edges": {"feather": 3}}})
+    assert edit.compositing == "delta" and edit.edges == {"pot": EdgeShape(0, 3)}
+    np.testing.assert_array_equal(edit.colors["pot"], [[0, 0, 0], POT.colors[1], [1, 0, 0]])
+    np.testing.assert_array_equal(edit.colors["my mug"], MUG.colors)
     assert POT.colors[2, 1] == 0.25  # the learned palette itself is untouched
-    assert edit_of(objects={"pot": {"colors": [None] * 3, "edges": {}}}).edges == {}
+    assert read_content(objects={"pot": {"colors": [None] * 3, "edges": {}}}).edges == {}
 
 
 def with_added(**values):
@@ -160,9 +157,9 @@ def with_added(**values):
         *(({"colors": [None, None], "edges": {"feather": each}}, "has the feather") for each in (-1, True)),
     ],
 )
-def test_a_wrong_edit_of_an_object_is_refused_by_name(edit_of, entry, words):
+def test_malformed_edit_of_an_object_is_rejected_by_name(read_content, entry, words):
     with pytest.raises(DataError, match=words) as caught:
-        edit_of(objects={"my mug": entry})
+        read_content(objects={"my mug": entry})
     assert "edit.json: edit of 'my mug'" in caught.value.sentence and caught.value.hint
 
 
@@ -175,12 +172,12 @@ def test_a_wrong_edit_of_an_object_is_refused_by_name(edit_of, entry, words):
         ({"schema": "karf-edit/9"}, "edit.json .* has schema 'karf-edit/9'"),
     ],
 )
-def test_a_wrong_file_is_refused_by_name(edit_of, content, words):
+def test_malformed_edit_file_is_rejected_by_name(read_content, content, words):
     with pytest.raises(DataError, match=words):
-        edit_of(**content)
+        read_content(**content)
 
 
-def test_edges_of_another_object_are_refused_and_those_of_an_edit_make_another_frame():
+def test_edges_need_a_known_object_and_change_the_frame_fingerprint():
     with pytest.raises(BadRequest, match="lid"):
         check_edit(Edit(COLORS, edges={"lid": EdgeShape(1)}), [POT, MUG])
     shapes = [(0, 0), (1, 0), (2, 0), (0, 1)]
@@ -188,9 +185,8 @@ def test_edges_of_another_object_are_refused_and_those_of_an_edit_make_another_f
     assert marks[0] == frame_fingerprint("view", Edit(COLORS)) and len(set(marks)) == 4
 
 
-# ---------------------------------------------------------------------------------------------- files of other programs
 @pytest.mark.parametrize("suffix, tolerance", [(".gpl", 0.5 / 255 + 1e-7), (".ase", 0), (".json", 0), (".JSON", 0)])
-def test_an_edit_comes_back_from_other_programs(tmp_path, suffix, tolerance):
+def test_edits_round_trip_through_palette_files(tmp_path, suffix, tolerance):
     write_edit_file(tmp_path / f"edit{suffix}", EDIT)
     again = read_edit_file(tmp_path / f"edit{suffix}", [POT, MUG])
     for name, colors in EDIT.colors.items():
@@ -200,7 +196,7 @@ def test_an_edit_comes_back_from_other_programs(tmp_path, suffix, tolerance):
             write_edit_file(tmp_path / f"pots{suffix}", WITH_ADDED)
 
 
-def test_the_bytes_are_those_of_the_formats(tmp_path):
+def test_palette_files_have_the_bytes_of_their_format(tmp_path):
     write_edit_file(tmp_path / "blue.gpl", EDIT)
     lines = ["GIMP Palette", "Name: blue", "#", " 51 102  85\tpot 1", "  0   0 255\tpot 2", "230 204 178\tmy mug 1"]
     assert (tmp_path / "blue.gpl").read_text().splitlines() == lines
@@ -210,7 +206,7 @@ def test_the_bytes_are_those_of_the_formats(tmp_path):
     assert (tmp_path / "blue.ase").read_bytes() == ase(group, color, struct.pack(">HI", 0xC002, 0))
 
 
-def test_names_decide_and_what_is_not_named_stays_as_learned(tmp_path):
+def test_named_colors_go_to_their_swatches_and_others_stay(tmp_path):
     path = tmp_path / "some.gpl"
     path.write_text("GIMP Palette\nName: x\nColumns: 4\n# note\n\n0 0 255 my mug 1\n255 0 0\tpot 2\n")
     edit = read_edit_file(path, [POT, MUG], "paper")
@@ -219,7 +215,7 @@ def test_names_decide_and_what_is_not_named_stays_as_learned(tmp_path):
     assert edit.compositing == "paper"
 
 
-def test_colors_of_other_names_go_by_their_order_and_lab_is_brought_into_srgb(tmp_path):
+def test_unknown_names_go_by_order_and_lab_is_clipped_to_srgb(tmp_path):
     path, grey = tmp_path / "brand.ase", color_block("ink", b"Gray", 0.5)
     path.write_bytes(ase(color_block("red", b"RGB ", 1, 0, 0), grey, color_block("red", b"LAB ", 0.6, 90, -90)))
     edit = read_edit_file(path, [POT, MUG])
@@ -248,7 +244,7 @@ def test_colors_of_other_names_go_by_their_order_and_lab_is_brought_into_srgb(tm
         (ase(color_block("pot 1", b"RGB ", 0, float("nan"), 1)), "outside 0 to 1"),
     ],
 )
-def test_a_palette_file_that_is_damaged_or_fits_no_swatches_is_refused(tmp_path, lines, message):
+def test_damaged_or_unfitting_palette_files_are_rejected(tmp_path, lines, message):
     path = tmp_path / ("bad.gpl" if isinstance(lines, str) else "bad.ase")
     path.write_bytes(f"GIMP Palette\n{lines}".encode() if isinstance(lines, str) else lines)
     with pytest.raises(DataError, match=message):
@@ -256,7 +252,7 @@ def test_a_palette_file_that_is_damaged_or_fits_no_swatches_is_refused(tmp_path,
 
 
 @pytest.mark.parametrize("name", ["none.gpl", "none.ase", "folder.gpl", "huge.ase"])
-def test_what_is_no_small_file_is_refused(tmp_path, name):
+def test_missing_huge_and_folder_palette_files_are_rejected(tmp_path, name):
     (tmp_path / "folder.gpl").mkdir()
     with (tmp_path / "huge.ase").open("wb") as stream:
         stream.truncate(1 << 30)

@@ -1,4 +1,4 @@
-"""Star weights: exact inside the hull, nearest outside, with and without scipy; and LoCoPalettes' weights."""
+"""Star weights with and without scipy, and the weights of LoCoPalettes."""
 
 import numpy as np
 import pytest
@@ -27,6 +27,8 @@ PALETTES = {
     "all black": np.zeros((2, 3)),
     "twins": np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
 }
+COLORS = np.random.default_rng(2).random((2000, 3))
+PALETTE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, 0]], np.float32)
 
 
 @pytest.fixture(params=PALETTES.values(), ids=PALETTES.keys())
@@ -34,7 +36,7 @@ def palette(request):
     return request.param
 
 
-def test_weights_are_a_sparse_partition_of_unity_and_exact_inside_the_hull(palette):
+def test_weights_are_sparse_sum_to_one_and_are_exact_inside(palette):
     random = np.random.default_rng(0)
     weights = star_weights(random.random((2000, 3)), palette)
     assert weights.shape == (2000, len(palette)) and weights.dtype == np.float32
@@ -45,47 +47,42 @@ def test_weights_are_a_sparse_partition_of_unity_and_exact_inside_the_hull(palet
     assert outside_distance(inside, palette).max() < 1e-7
 
 
-def test_a_corner_of_the_hull_is_its_own_entry_and_black_entry_0_alone(palette):
+def test_hull_corners_and_black_use_their_own_entry_alone(palette):
     np.testing.assert_array_equal(star_weights(np.zeros((1, 3)), palette)[0], np.eye(len(palette))[0])
     np.testing.assert_allclose(star_weights(LEGO, LEGO), np.eye(6), atol=1e-6)
 
 
-def test_outside_colors_go_to_the_nearest_point_of_the_hull_and_weights_are_continuous(palette):
+def test_outside_colors_project_to_the_hull_and_weights_are_continuous(palette):
     random = np.random.default_rng(2)
     colors = random.random((300, 3))
     nearest = star_weights(colors, palette) @ palette
     distance = np.linalg.norm(colors - nearest, axis=1)
     np.testing.assert_allclose(outside_distance(colors, palette), distance, atol=1e-6)
-    # nearest in a convex set: no other point of it is on the color's side
+    # the nearest point of a convex set: no other point lies on the color's side of it
     others = np.vstack([palette, random.dirichlet(np.ones(len(palette)), 200) @ palette])
     along = (others @ (colors - nearest).T) - (nearest * (colors - nearest)).sum(axis=1)
     assert along.max() < 1e-5
-    colors = random.random((4000, 3))
-    step = 1e-6 * random.normal(size=colors.shape)
+    colors, step = random.random((4000, 3)), 1e-6 * random.normal(size=(4000, 3))
     change = np.abs(star_weights(colors + step, palette) - star_weights(colors, palette)).max()
     assert change < 5e-4  # the steepest cone of these palettes multiplies a step by less than 100
 
 
-def test_image_of_few_colors_equals_its_pixels_one_by_one():
+def test_image_weights_equal_weights_of_its_pixels():
     image = np.random.default_rng(6).integers(0, 4, (20, 30, 3)).astype(np.uint8) * np.uint8(80)
     expected = star_weights(image.reshape(-1, 3) / 255, LEGO).reshape(20, 30, 6)
     np.testing.assert_array_equal(palette_weights_of_image(image, LEGO), expected)
     assert star_weights(np.zeros((0, 3)), LEGO).shape == (0, 6)
 
 
-# -------------------------------------------------------------------------------------------------------- without scipy
-COLORS = np.random.default_rng(2).random((2000, 3))
-
-
 @pytest.mark.parametrize("size", [2, 3, 4, 6, 12, 30])
-def test_the_plain_hull_gives_the_weights_of_scipys(size):
+def test_plain_hull_gives_the_weights_of_scipy(size):
     palette = np.concatenate([np.zeros((1, 3)), np.random.default_rng(size).random((size - 1, 3))])
     found = star_weights_in(star_of(palette, plain_hull), COLORS, size)
     np.testing.assert_allclose(found, star_weights(COLORS, palette), atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["line", "flat quad", "cube", "all black", "twins"])
-def test_the_plain_hull_of_flat_palettes_and_of_faces_of_four_mixes_the_same_colors(name):
+def test_plain_hull_of_degenerate_palettes_mixes_the_same_colors(name):
     palette = PALETTES[name]
     found = star_weights_in(star_of(palette, plain_hull), COLORS, len(palette))
     np.testing.assert_allclose(found @ palette, star_weights(COLORS, palette) @ palette, atol=1e-5)
@@ -93,24 +90,19 @@ def test_the_plain_hull_of_flat_palettes_and_of_faces_of_four_mixes_the_same_col
     assert (found >= 0).all()
 
 
-# ---------------------------------------------------------------------------------------------- weights of LoCoPalettes
-PALETTE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, 0]], np.float32)
-
-
 @pytest.fixture
 def pixels():
-    """Colors inside the palette's hull that vary with the place, and places in picture sizes."""
+    """Colors inside the palette's hull that vary with the place, and the places in the unit square."""
     random = np.random.default_rng(0)
     places = random.random((600, 2))
     colors = 0.3 * np.stack([places[:, 0], places[:, 1], 1 - places[:, 0]], 1) + 0.1 * random.random((600, 3))
     return colors, places
 
 
-def test_weights_are_convex_mixes_of_the_corners_which_keep_those_of_their_color(pixels):
+def test_loco_weights_mix_the_weights_of_corners(pixels):
     colors, places = pixels
     weights, direct = loco_weights(colors, places, PALETTE), star_weights(colors, PALETTE)
-    assert weights.shape == (600, 6) and weights.dtype == np.float32
-    assert weights.min() >= 0
+    assert weights.shape == (600, 6) and weights.dtype == np.float32 and weights.min() >= 0
     np.testing.assert_allclose(weights.sum(1), 1, atol=1e-6)
     np.testing.assert_allclose(weights @ PALETTE, colors, atol=1e-5)
     corners = hull_corners(np.concatenate([colors, places], 1))
@@ -120,7 +112,7 @@ def test_weights_are_convex_mixes_of_the_corners_which_keep_those_of_their_color
     assert np.abs(weights[others] - direct[others]).max() > 0.01
 
 
-def test_a_pixel_whose_features_stand_out_becomes_a_corner(pixels):
+def test_pixel_with_outlying_features_becomes_a_corner(pixels):
     colors, places = pixels
     corners = hull_corners(np.concatenate([colors, places], 1))
     inner = int(np.setdiff1d(np.arange(600), corners)[0])
@@ -132,7 +124,7 @@ def test_a_pixel_whose_features_stand_out_becomes_a_corner(pixels):
 
 
 @pytest.mark.parametrize("count", [1, 5, 50])
-def test_pixels_of_one_color_have_its_weights(count):
+def test_loco_weights_of_one_color_are_its_own(count):
     colors = np.tile(np.float32([[0.4, 0.2, 0.1]]), (count, 1))
     places = np.random.default_rng(2).random((count, 2))
     np.testing.assert_allclose(loco_weights(colors, places, PALETTE), star_weights(colors, PALETTE), atol=1e-6)

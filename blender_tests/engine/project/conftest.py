@@ -1,4 +1,4 @@
-"""A new project for the tests of its folder."""
+"""A new project."""
 
 import pytest
 

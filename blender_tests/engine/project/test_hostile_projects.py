@@ -1,4 +1,4 @@
-"""A project received from somebody: no name leads out of its folder, and no value ends in a traceback."""
+"""Untrusted projects and captures: no name leaves the folder, and no value ends in a traceback."""
 
 import json
 import os
@@ -31,22 +31,22 @@ POSE = np.eye(4)
 FAR = [[1, 0, 0, 1e25], *POSE[1:].tolist()]
 
 
-def refusal(read, *arguments):
+def rejection(read, *arguments):
     with pytest.raises(KarfError) as caught:
         read(*arguments)
     assert caught.value.hint and len(caught.value.sentence) < 1000
     return caught.value.sentence
 
 
-# ---------------------------------------------------------------------------------------------------- a learned project
 def rewrite_json(path, change):
+    """Change the content of a JSON file."""
     content = json.loads(path.read_text())
     change(content)
     path.write_text(json.dumps(content))
 
 
 def rewrite_facts(path, change):
-    """Facts, changed in place, in the header of a safetensors file."""
+    """Change the facts in the header of a safetensors file."""
     with safe_open(path, "pt") as stored:
         own = json.loads(stored.metadata()["karf"])
         tensors = {key: stored.get_tensor(key) for key in stored.keys()}
@@ -56,7 +56,7 @@ def rewrite_facts(path, change):
 
 @pytest.fixture(scope="module")
 def received(learned, tmp_path_factory):
-    """A learned project as early versions wrote it: without checksums, outputs beside project.json."""
+    """A learned project as early versions wrote it: without checksums, and outputs beside project.json."""
     project = shutil.copytree(learned.project, tmp_path_factory.mktemp("received") / "project")
 
     def without_checksums(state):
@@ -71,7 +71,7 @@ def received(learned, tmp_path_factory):
 
 @pytest.fixture
 def project(received):
-    """That project, whose files of the first level are restored after the test."""
+    """The received project, whose top-level files are restored after the test."""
     before = {path: path.read_bytes() for path in received.iterdir() if path.is_file()}
     yield received
     for path, content in before.items():
@@ -110,9 +110,9 @@ CHANGES = {
 
 
 @pytest.mark.parametrize(("file", "change"), [(file, change) for file, rows in CHANGES.items() for change in rows])
-def test_values_that_nobody_wrote_are_refused_in_a_sentence(project, file, change):
+def test_hostile_values_of_learned_files_are_rejected(project, file, change):
     (rewrite_json if file.endswith(".json") else rewrite_facts)(project / file, change)
-    sentence = refusal(Model, Project(project))
+    sentence = rejection(Model, Project(project))
     assert file != "palette.json" or "palette.json holds palettes of pot" in sentence
 
 
@@ -120,27 +120,27 @@ def test_values_that_nobody_wrote_are_refused_in_a_sentence(project, file, chang
     ("file", "read"),
     [("segmentation.safetensors", lambda path: load_segmentation(path, 6)), ("surface.safetensors", load_surface)],
 )
-def test_object_names_of_learned_files_never_leave_the_folder(project, file, read):
+def test_object_names_of_learned_files_cannot_leave_the_folder(project, file, read):
     rewrite_facts(project / file, lambda facts: facts["objects"].__setitem__(0, "../../escaped"))
-    assert "cannot be the name of a file" in refusal(read, project / file)
+    assert "cannot be the name of a file" in rejection(read, project / file)
 
 
 @pytest.mark.parametrize("name", ["positions", "viewdirs", "colors", "object", "sure", "view"])
-def test_rays_of_objects_that_nobody_wrote_are_refused_in_a_sentence(project, name):
+def test_incomplete_surface_rays_are_rejected(project, name):
     path = project / "surface.safetensors"
     tensors, facts = load_tensors(path, SURFACE_SCHEMA)
     for wrong in (tensors | {name: tensors[name][:-1]}, {key: t for key, t in tensors.items() if key != name}):
         save_tensors(path, wrong, SURFACE_SCHEMA, facts)
-        assert "surface.safetensors is damaged" in refusal(load_surface, path)
+        assert "surface.safetensors is damaged" in rejection(load_surface, path)
 
 
 @pytest.mark.parametrize("report", [[], {}, {"views": ["../x"]}])
-def test_values_of_segmentation_json_that_cannot_be_are_named(tmp_path, report):
+def test_malformed_segmentation_reports_are_rejected(tmp_path, report):
     put_json(tmp_path / "segmentation.json", report)
-    assert "segmentation.json" in refusal(SegmentationReport.read, tmp_path / "segmentation.json")
+    assert "segmentation.json" in rejection(SegmentationReport.read, tmp_path / "segmentation.json")
 
 
-def test_a_hostile_project_writes_nothing_beside_its_folders(project, tmp_path, capsys):
+def test_hostile_view_names_write_nothing_outside(project, tmp_path, capsys):
     def escape(content):
         for view in content["views"]:
             view["name"] = view["stem"] = f"../../escaped_{view['name']}"
@@ -162,14 +162,13 @@ NO_INITIAL = [None, 5, [], [[0, 0, 0], [NAN] * 3], [[0, 0, 0]] * 10_000, "red"]
         *(({"initial": value}, "initial", "palette.json: palette of 'pot'") for value in NO_INITIAL),
     ],
 )
-def test_values_of_palettes_are_checked_where_they_are_read(tmp_path, changes, kind, words):
+def test_malformed_palettes_are_rejected(tmp_path, changes, kind, words):
     path = tmp_path / "palette.json"
     put_json(path, {"schema": "karf-palette/1", "shared": False, "objects": [PALETTE | changes]})
-    assert words in refusal(read_palettes, path, kind)
+    assert words in rejection(read_palettes, path, kind)
     assert "name" in changes or len(read_palettes(path)) == 1
 
 
-# ------------------------------------------------------------------------------------------------------------- captures
 def capture():
     view = View("a", "a", Camera(8, 6, 7.0, 7.0, 4.0, 3.0, POSE), None, "train", (1.0, 5.0))
     return capture_to_json(Capture(Path(os.curdir), "test", (view,)))
@@ -196,10 +195,10 @@ FRAME = {"file_path": "frame_1", "w": 64, "h": 36, "fl_x": 70.0, "transform_matr
         *(("split", "../x", NO_CAPTURE), ("split", ["train"], NO_CAPTURE), ("image", 7, NO_CAPTURE)),
     ],
 )
-def test_values_of_a_capture_that_cannot_be_are_named(tmp_path, key, value, words):
+def test_hostile_values_of_captures_are_rejected(tmp_path, key, value, words):
     content = capture()
     content["views"][0][key] = value
-    sentence = refusal(capture_from_json, content, tmp_path / "capture.json")
+    sentence = rejection(capture_from_json, content, tmp_path / "capture.json")
     assert "capture.json" in sentence and words in sentence
 
 
@@ -207,12 +206,12 @@ TWICE = capture() | {"views": capture()["views"] * 2}
 
 
 @pytest.mark.parametrize("content", [None, 5, [], "text", {"schema": "karf-capture/1"}, {"schema": []}, TWICE])
-def test_what_is_no_capture_is_refused(tmp_path, content):
-    sentence = refusal(capture_from_json, content, tmp_path / "capture.json")
+def test_malformed_captures_are_rejected(tmp_path, content):
+    sentence = rejection(capture_from_json, content, tmp_path / "capture.json")
     assert "capture.json" in sentence and ("twice" in sentence) == (content is TWICE)
 
 
-def test_strange_photo_names_become_views_whose_names_can_be_files(tmp_path):
+def test_strange_photo_names_become_safe_view_names(tmp_path):
     names = ["a:b.png", "a?b.png", "con.png", f"{'n' * 240}.png", "new\nline.png"]
     write_transforms(tmp_path, [centered(camera) for camera in random_rig(3, len(names))], names)
     found = open_capture(tmp_path)
@@ -227,13 +226,13 @@ def test_strange_photo_names_become_views_whose_names_can_be_files(tmp_path):
     ("fields", "words"),
     [({"fl_x": 1e200}, "fx 1e+200"), ({"w": 100_000, "h": 100_000}, "100000x100000 pixels, more than 400 million")],
 )
-def test_cameras_of_frames_that_cannot_be_are_named_with_their_value(tmp_path, fields, words):
+def test_impossible_cameras_are_rejected_with_their_value(tmp_path, fields, words):
     put_json(tmp_path / "cameras.json", {"frames": [FRAME | fields]})
-    sentence = refusal(open_capture, tmp_path / "cameras.json", False)
+    sentence = rejection(open_capture, tmp_path / "cameras.json", False)
     assert "cameras.json, frame 0 ('frame_1')" in sentence and words in sentence
 
 
-def test_fields_that_frames_share_are_not_copied_for_each(tmp_path):
+def test_shared_frame_fields_are_not_copied_per_frame(tmp_path):
     put_json(tmp_path / "cameras.json", {"frames": [FRAME] * 300, **{f"key{n}": n for n in range(2000)}})
     tracemalloc.start()
     try:

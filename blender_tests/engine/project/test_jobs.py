@@ -1,4 +1,4 @@
-"""One job writes a project at a time; of the folders of jobs the newest stay, and nothing else is touched."""
+"""One job writes a project at a time; old job folders are pruned and nothing else."""
 
 import json
 import os
@@ -14,7 +14,6 @@ from karf_engine.io.files import host_name
 from karf_engine.project import Project, jobs
 from karf_engine.project.locking import write_lock
 
-# -------------------------------------------------------------------------------------------------------------- locking
 HOLD = """
 import sys
 from karf_engine.project.locking import write_lock
@@ -25,13 +24,13 @@ with write_lock(Project(sys.argv[1])):
 """
 
 
-def test_a_project_that_another_process_writes_is_refused_and_free_once_that_is_killed(project):
+def test_project_is_locked_until_the_writing_process_ends(project):
     command, pipe = [sys.executable, "-c", HOLD, project.folder], subprocess.PIPE
     with subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as holder:
         assert holder.stdout.readline() == "held\n"
         with pytest.raises(BadRequest, match=f"in use by process {holder.pid} on"), write_lock(project):
             pass
-        (project.folder / "lock.json").write_text("{")  # a holder that could not say who it is still holds
+        (project.folder / "lock.json").write_text("{")  # an unnamed holder still holds the lock
         with pytest.raises(BadRequest, match="in use by another job"), write_lock(project):
             pass
         holder.kill()
@@ -41,7 +40,7 @@ def test_a_project_that_another_process_writes_is_refused_and_free_once_that_is_
     assert not (project.folder / "lock.json").exists()
 
 
-def test_the_lock_is_given_back_after_an_error_and_is_not_entered_twice(project):
+def test_lock_is_released_after_an_error_and_is_not_reentrant(project):
     with pytest.raises(RuntimeError), write_lock(project):
         with pytest.raises(BadRequest, match=f"in use by process {os.getpid()}"), write_lock(project):
             pass
@@ -51,7 +50,7 @@ def test_the_lock_is_given_back_after_an_error_and_is_not_entered_twice(project)
 
 
 @pytest.mark.parametrize("content", ["", "{", json.dumps({"pid": os.getpid(), "start": "1", "host": "elsewhere"})])
-def test_a_lock_file_that_nobody_holds_is_no_obstacle_whatever_it_says_and_when(project, content):
+def test_lock_file_without_holder_is_ignored(project, content):
     path = project.folder / "lock"
     path.write_text(content)
     os.utime(path, (time.time() + 1e6,) * 2)
@@ -59,14 +58,13 @@ def test_a_lock_file_that_nobody_holds_is_no_obstacle_whatever_it_says_and_when(
         pass
 
 
-# -------------------------------------------------------------------------------------------------------------- folders
 KEPT = [f"20250101-000000-{number:03d}-render" for number in range(jobs.KEPT)]
 WARM = "20240101-000000-000-warm"
 
 
 @pytest.fixture(scope="module")
 def ended():
-    """What a job of a process that has ended says of its owner."""
+    """The owner that a job of an ended process names."""
     process = subprocess.Popen([sys.executable, "-c", ""])
     process.wait()
     return {"pid": process.pid, "host": host_name()}
@@ -84,9 +82,9 @@ def names(project):
     return sorted(path.name for path in (project.folder / "jobs").iterdir())
 
 
-def test_the_newest_stay_and_a_new_job_belongs_to_this_process(project, ended):
+def test_newest_jobs_are_kept_and_new_ones_are_owned(project, ended):
     make(project, *KEPT, "20241231-235959-000-geometry", owner=ended)
-    make(project, "20241231-235959-001-import-splat")  # of an earlier version
+    make(project, "20241231-235959-001-import-splat")  # without an owner, as earlier versions wrote it
     jobs.prune_jobs(project)
     assert names(project) == KEPT
     new = jobs.new_job(project, "render"), jobs.new_job(project, "warm")
@@ -96,7 +94,7 @@ def test_the_newest_stay_and_a_new_job_belongs_to_this_process(project, ended):
     assert all(job.is_dir() for job in new)
 
 
-OWNERS = [
+OWNERS = [  # changes to an ended owner, or an owner; whether the job stays
     *(({"pid": os.getpid()}, True), ({"pid": os.getppid()}, True), ({}, False), ({"host": "another computer"}, True)),
     *(({"pid": "x"}, True), ({"pid": 1 << 80}, False), ([], True)),
 ]
@@ -104,7 +102,7 @@ OWNERS = [
 
 @pytest.mark.parametrize("year", [2024, 2026], ids=["old", "new"])
 @pytest.mark.parametrize(("owner", "stays"), OWNERS)
-def test_what_answered_queries_goes_with_its_process(project, ended, owner, stays, year):
+def test_query_jobs_are_removed_when_their_process_has_ended(project, ended, owner, stays, year):
     name = WARM.replace("2024", str(year))
     make(project, *KEPT)
     make(project, name, owner=ended | owner if isinstance(owner, dict) else owner)
@@ -112,7 +110,7 @@ def test_what_answered_queries_goes_with_its_process(project, ended, owner, stay
     assert (name in names(project)) is stays
 
 
-def test_what_is_no_job_stays(project, ended, tmp_path):
+def test_pruning_keeps_everything_else(project, ended, tmp_path):
     others = ["notes", f"{WARM}.old", "20240101-000000-00-warm", f"my-{WARM}"]
     make(project, *KEPT)
     make(project, *others, owner=ended)

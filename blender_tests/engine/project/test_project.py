@@ -1,10 +1,11 @@
-"""The project folder: nothing half-written, and clear words for what is damaged."""
+"""The project folder: its state, committed results, masks, and the removal of leftovers."""
 
 import json
 import os
 import shutil
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import pytest
 
@@ -19,7 +20,7 @@ HEADS = ("geometry", "segmentation", "palette", "recoloring")
 
 
 def commit(project, stage, **files):
-    """Finish a stage whose outputs hold these words; names have `_` for `.`."""
+    """Finish a stage with outputs of these contents; `_` in names stands for `.`."""
     result = project.new_result(stage)
     for name, words in files.items():
         (result / name.replace("_", ".")).write_text(words)
@@ -30,8 +31,7 @@ def names_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-# ---------------------------------------------------------------------------------------------------------------- state
-def test_a_project_is_made_once_and_for_one_capture(project):
+def test_project_belongs_to_one_capture(project):
     project.finish("geometry", "abc")
     project.create("/captures/pots")
     assert project.finished("geometry") == {"fingerprint": "abc"}
@@ -39,10 +39,8 @@ def test_a_project_is_made_once_and_for_one_capture(project):
         project.create("/captures/other")
 
 
-@pytest.mark.parametrize(
-    ("facts", "holdout"), [(None, 0), ({}, 8), ({"holdout": 5}, 5)], ids=["new", "early", "chosen"]
-)
-def test_a_project_of_before_there_was_a_choice_held_out_every_eighth_photo(project, tmp_path, facts, holdout):
+@pytest.mark.parametrize(("facts", "holdout"), [(None, 0), ({}, 8), ({"holdout": 5}, 5)])
+def test_holdout_defaults_to_eight_in_older_projects(project, tmp_path, facts, holdout):
     if facts is not None:
         project.finish("geometry", "abc", **facts)
     assert project.holdout() == holdout
@@ -50,7 +48,7 @@ def test_a_project_of_before_there_was_a_choice_held_out_every_eighth_photo(proj
 
 
 EMPTY = {"schema": "karf-project/1", "capture": "/film/pots", "stages": {}, "settings": {}}
-WRONG = [
+BAD_STATES = [
     (None, r"is not a KaRF project \(project.json is missing\)"),
     ('{"schema": ', r"project\.json \(project state\) is broken JSON"),
     *((content, "has schema") for content in ('{"schema": "karf-project/2"}', "[]", "{}", "null")),
@@ -65,8 +63,8 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("content", "sentence"), WRONG)
-def test_a_project_file_with_anything_wrong_is_named(project, content, sentence):
+@pytest.mark.parametrize(("content", "sentence"), BAD_STATES)
+def test_malformed_project_files_are_rejected(project, content, sentence):
     if content is None:
         project.state_file.unlink()
     else:
@@ -76,14 +74,14 @@ def test_a_project_file_with_anything_wrong_is_named(project, content, sentence)
     assert str(project.folder) in caught.value.sentence and caught.value.hint and len(caught.value.sentence) < 1000
 
 
-def test_a_changed_project_file_is_refused_and_one_without_a_checksum_is_believed(project):
+def test_project_file_needs_its_checksum_or_none(project):
     project.finish("geometry", "fingerprint")
-    text = project.state_file.read_text()
-    project.state_file.write_text(text.replace('"fingerprint": "fingerprint"', '"fingerprint": "other"'))
+    content = json.loads(project.state_file.read_text())
+    content["stages"]["geometry"]["fingerprint"] = "other"
+    write_json(project.state_file, content)
     with pytest.raises(DataError, match=r"project\.json is damaged, or was changed by hand") as caught:
         project.state()
     assert "remove its entry 'checksum'" in caught.value.hint
-    content = json.loads(project.state_file.read_text())
     del content["checksum"]
     write_json(project.state_file, content)
     assert project.finished("geometry")["fingerprint"] == "other"
@@ -99,7 +97,7 @@ def test_a_changed_project_file_is_refused_and_one_without_a_checksum_is_believe
         ("splats", list(STAGE_ORDER)),
     ],
 )
-def test_a_stage_outdates_what_is_built_on_it_and_nothing_else(project, again, left):
+def test_finished_stage_outdates_only_dependent_stages(project, again, left):
     for stage in STAGE_ORDER:
         project.finish(stage, "old", seconds=1.5)
     project.finish(again, "new")
@@ -112,27 +110,25 @@ def test_a_stage_outdates_what_is_built_on_it_and_nothing_else(project, again, l
         assert stage in caught.value.hint
 
 
-# ------------------------------------------------------------------------------------------------- the mark of a result
-def mark(project, stage, changes=(), **summary):
-    """The mark of a stage's result once all are finished, with these fingerprints and checksums instead of others."""
-    changes = dict(changes)
+def fingerprint_of_result(project, stage, changed=None, change=("inputs", "sum"), **summary):
+    """The fingerprint of a stage's result once all stages are finished, one of them changed."""
     for each in STAGE_ORDER:
-        fingerprint, checksum = changes.get(each, ("inputs", "sum"))
+        fingerprint, checksum = change if each == changed else ("inputs", "sum")
         project.finish(each, fingerprint, files={f"{each}.safetensors": checksum}, **summary)
     return result_fingerprint(project.state(), stage)
 
 
 @pytest.mark.parametrize("change", [("others", "sum"), ("inputs", "other sum")])
 @pytest.mark.parametrize("changed", STAGE_ORDER)
-def test_a_mark_changes_with_every_stage_before_and_with_no_other(project, changed, change):
+def test_result_fingerprint_depends_only_on_stages_up_to_its_own(project, changed, change):
     for stage in HEADS:
-        is_before = changed in HEADS[: HEADS.index(stage) + 1]
-        assert (mark(project, stage, {changed: change}, seconds=3.5) != mark(project, stage)) == is_before
-    assert result_fingerprint({}, "segmentation") not in ("", mark(project, "segmentation"))
+        depends = changed in HEADS[: HEADS.index(stage) + 1]
+        found = fingerprint_of_result(project, stage, changed, change, seconds=3.5)
+        assert (found != fingerprint_of_result(project, stage)) == depends
+    assert result_fingerprint({}, "segmentation") not in ("", fingerprint_of_result(project, "segmentation"))
 
 
-# -------------------------------------------------------------------------------------------------------------- results
-def test_outputs_take_their_places_with_their_checksums_and_settings(project):
+def test_commit_stores_outputs_checksums_and_settings(project):
     commit(project, "geometry", capture_json="{}", geometry_safetensors="field")
     done = project.finished("geometry")
     assert done["files"].keys() == {"capture.json", "geometry.safetensors"} and done["settings"] == {"rate": 1}
@@ -140,16 +136,16 @@ def test_outputs_take_their_places_with_their_checksums_and_settings(project):
     assert project.verified(project.geometry_file).read_text() == "field" and project.is_intact("geometry")
 
 
-@pytest.mark.parametrize(("words", "state"), [("fielf", "damaged"), ("fie", "damaged"), (None, "missing")])
-def test_an_output_that_is_not_what_was_written_is_named_with_the_stage_to_run(project, words, state):
+@pytest.mark.parametrize(("content", "state"), [("fielf", "damaged"), ("fie", "damaged"), (None, "missing")])
+def test_damaged_outputs_are_reported_with_the_stage_to_rerun(project, content, state):
     commit(project, "geometry", geometry_safetensors="field")
-    project.geometry_file.write_text(words) if words else project.geometry_file.unlink()
+    project.geometry_file.write_text(content) if content else project.geometry_file.unlink()
     with pytest.raises(DataError, match=rf"geometry\.safetensors is {state}.*the geometry stage wrote") as caught:
         project.verified(project.geometry_file)
     assert "Run the geometry stage again" in caught.value.hint and not project.is_intact("geometry")
 
 
-def test_a_file_that_two_stages_write_is_the_later_ones_until_the_earlier_runs_again(project):
+def test_shared_output_comes_from_the_stage_run_last(project):
     commit(project, "palette", palette_json="extracted")
     commit(project, "recoloring", palette_json="learned", recoloring_safetensors="F_w")
     assert project.palette_file.read_text() == "learned"
@@ -160,20 +156,17 @@ def test_a_file_that_two_stages_write_is_the_later_ones_until_the_earlier_runs_a
 
 
 @pytest.mark.parametrize("step", ["checksum", "write_state"])
-def test_a_stage_that_is_killed_while_it_commits_leaves_the_project_as_it_was(project, monkeypatch, step):
+def test_killed_commit_leaves_the_project_unchanged(project, monkeypatch, step):
     commit(project, "geometry", geometry_safetensors="old")
     before = project.state()
 
-    def stop(*_):
-        raise SystemExit
-
     with monkeypatch.context() as patch, pytest.raises(SystemExit):
-        patch.setattr(f"karf_engine.project.folder.{step}", stop)
+        patch.setattr(f"karf_engine.project.folder.{step}", Mock(side_effect=SystemExit))
         commit(project, "geometry", geometry_safetensors="new")
     assert project.state() == before and project.geometry_file.read_text() == "old" and project.is_intact("geometry")
 
 
-def test_a_snapshot_reads_the_results_of_its_time_until_they_are_removed(project, monkeypatch):
+def test_snapshot_keeps_reading_its_results_until_removal(project, monkeypatch):
     commit(project, "geometry", geometry_safetensors="old")
     snapshot = project.snapshot()
     commit(project, "geometry", geometry_safetensors="new")
@@ -185,15 +178,14 @@ def test_a_snapshot_reads_the_results_of_its_time_until_they_are_removed(project
     assert names_in(project.folder / "results") == ["geometry-2"]
 
 
-def test_results_that_an_earlier_version_wrote_beside_the_project_file_are_read_and_mended(project):
+def test_results_of_earlier_versions_are_read_and_repaired(project):
     for name, words in (("geometry.safetensors", "field"), ("palette.json", "learned")):
         (project.folder / name).write_text(words)
-    project.finish("geometry", "g")  # before there were checksums
+    project.finish("geometry", "g")  # a version without checksums
     assert project.verified(project.geometry_file) == project.folder / "geometry.safetensors"
-    sums = {name: checksum(project.folder / name) for name in ("geometry.safetensors", "palette.json")}
-    project.finish("geometry", "g", files={"geometry.safetensors": sums["geometry.safetensors"]})
-    project.finish("palette", "p", files={"palette.json": "of what recoloring replaced"})
-    project.finish("recoloring", "r", files={"palette.json": sums["palette.json"]})
+    project.finish("geometry", "g", files={"geometry.safetensors": checksum(project.geometry_file)})
+    project.finish("palette", "p", files={"palette.json": "sum of the replaced file"})
+    project.finish("recoloring", "r", files={"palette.json": checksum(project.folder / "palette.json")})
     assert project.geometry_file == project.folder / "geometry.safetensors"
     assert all(project.is_intact(stage) for stage in ("geometry", "palette", "recoloring"))
     commit(project, "recoloring", palette_json="learned again")
@@ -201,21 +193,20 @@ def test_results_that_an_earlier_version_wrote_beside_the_project_file_are_read_
 
 
 @pytest.mark.parametrize("folder", ["../elsewhere", "a/b", "", 3])
-def test_a_project_file_that_names_no_folder_of_results_is_refused(project, folder):
+def test_invalid_result_folders_are_rejected(project, folder):
     project.finish("geometry", "g", folder=folder, files={"geometry.safetensors": "sum"})
     with pytest.raises(DataError, match=r"project\.json has a result named"):
         project.geometry_file  # noqa: B018
 
 
-def test_folders_that_another_program_named_like_results_do_no_harm(project):
+def test_foreign_folders_do_not_break_result_numbering(project):
     for name in ("geometry-x9", "geometry-²", "geometry-7"):
         (project.folder / "results" / name).mkdir(parents=True)
     assert project.new_result("geometry").name == "geometry-8"
 
 
-# ---------------------------------------------------------------------------------------------------------------- masks
 def segment(project, mask):
-    """Finish the segmentation with a mask of this name."""
+    """Finish the segmentation with one mask of this name."""
     result = project.new_result("segmentation")
     (result / "masks").mkdir()
     (result / "masks" / mask).write_text(mask)
@@ -223,19 +214,19 @@ def segment(project, mask):
     project.commit("segmentation", result, "fingerprint", SETTINGS)
 
 
-def test_masks_that_are_replaced_are_set_aside(project):
+def test_replaced_masks_are_set_aside(project):
     for mask in ("first", "second", "second"):
         segment(project, mask)
         project.place_masks()
     assert project.masks_folder == project.folder / "masks" and names_in(project.masks_folder) == ["second"]
     assert names_in(project.folder / "earlier_masks") == ["first"]
-    segment(project, "third")  # and the job is killed: the masks belong to the segmentation at once
+    segment(project, "third")  # as if killed before place_masks: the new masks count at once
     assert names_in(project.masks_folder) == ["third"] and names_in(project.folder / "masks") == ["second"]
     project.remove_leftovers()
     assert project.masks_folder == project.folder / "masks" and names_in(project.masks_folder) == ["third"]
 
 
-def test_new_masks_that_are_a_link_out_of_the_project_are_refused(project, tmp_path):
+def test_masks_linked_from_outside_the_project_are_rejected(project, tmp_path):
     segment(project, "first")
     shutil.rmtree(project.masks_folder)
     (project.segmentation_report.parent / "masks").symlink_to(tmp_path.parent)
@@ -243,8 +234,7 @@ def test_new_masks_that_are_a_link_out_of_the_project_are_refused(project, tmp_p
         project.place_masks()
 
 
-# ------------------------------------------------------------------------------------------------------------ leftovers
-def test_what_killed_jobs_left_is_removed_and_what_others_may_be_writing_is_not(project):
+def test_only_leftovers_of_dead_processes_are_removed(project):
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
     dead, alive, elsewhere = f"{HOST}-{ended.pid}", f"{HOST}-{os.getpid()}", f"{'0' * 8}-{ended.pid}"
@@ -258,14 +248,14 @@ def test_what_killed_jobs_left_is_removed_and_what_others_may_be_writing_is_not(
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("half")
         os.utime(path, (0, 0))
-    (project.folder / ".tmp-nothing").symlink_to("nowhere")
+    link = project.folder / ".tmp-nothing"
+    link.symlink_to("nowhere")
     os.utime(project.state_file, (0, 0))
     project.remove_leftovers()
-    assert not any(path.exists() for path in left) and all(path.exists() for path in others)
-    assert (project.folder / ".tmp-nothing").is_symlink()
+    assert not any(path.exists() for path in left) and all(path.exists() for path in others) and link.is_symlink()
 
 
-def test_a_killed_writer_leaves_nothing_once_its_process_has_ended(project):
+def test_partial_file_of_a_killed_writer_is_removed(project):
     script = (
         "import os, sys; from pathlib import Path; from karf_engine.io.files import HOST, atomic_write\n"
         "atomic_write(Path(sys.argv[1]), lambda temporary: (temporary.write_text('half'), os._exit(9)))"

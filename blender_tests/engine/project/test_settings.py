@@ -1,4 +1,4 @@
-"""Settings: what is known is checked, what is not known is named with its nearest neighbor."""
+"""Settings: presets, overrides, and errors that suggest the nearest name."""
 
 import dataclasses
 import json
@@ -10,13 +10,13 @@ from karf_engine.project.settings import PRESETS, Level, Settings, describe, fro
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_every_preset_survives_json_and_is_within_its_own_ranges(name):
+def test_presets_survive_json_and_are_in_range(name):
     settings = preset(name)
     assert settings.preset == name
     assert from_dict(json.loads(json.dumps(to_dict(settings)))) == settings
 
 
-def test_the_papers_preset_holds_the_papers_numbers():
+def test_paper_preset_has_the_numbers_of_the_paper():
     paper = preset("paper")
     nerf = paper.geometry.nerf
     assert paper.geometry.field == "nerf"
@@ -36,12 +36,12 @@ def test_the_papers_preset_holds_the_papers_numbers():
     assert [name for name in PRESETS if PRESETS[name].splats.iterations == 0] == ["paper"]
 
 
-def test_an_unknown_preset_is_refused_with_the_known_ones():
+def test_unknown_preset_is_rejected_with_the_known_ones():
     with pytest.raises(BadRequest, match=f"Unknown preset 'best'.*{'.*'.join(PRESETS)}"):
         preset("best")
 
 
-def test_overrides_change_single_fields_and_nothing_else():
+def test_overrides_change_only_their_fields():
     changed = with_overrides(Settings(), ["geometry.long_side=64", "palette.shared=true", "seed = 7"])
     assert (changed.geometry.long_side, changed.palette.shared, changed.seed) == (64, True, 7)
     geometry = dataclasses.replace(changed.geometry, long_side=Settings().geometry.long_side)
@@ -56,9 +56,9 @@ def test_overrides_change_single_fields_and_nothing_else():
         (["palette.tolerance=0"], "palette", "tolerance", 0.0),
         (['geometry.levels=[{"voxels": 20, "iterations": 5, "step": 1}]'], "geometry", "levels", (Level(20, 5, 1.0),)),
     ],
-    ids=["the later of two bare words", "a whole number for a fraction", "levels as a list"],
+    ids=["later word wins", "integer as float", "levels as list"],
 )
-def test_values_are_read_as_their_field_has_them(overrides, group, name, value):
+def test_override_values_take_the_type_of_their_field(overrides, group, name, value):
     found = getattr(getattr(with_overrides(Settings(), overrides), group), name)
     assert found == value and type(found) is type(value)
 
@@ -85,7 +85,7 @@ def test_values_are_read_as_their_field_has_them(overrides, group, name, value):
         ("geometry.long_side", "has no '='", ""),
     ],
 )
-def test_names_and_values_that_cannot_be_are_refused_with_a_remedy(override, words, hint):
+def test_invalid_overrides_are_rejected_with_a_hint(override, words, hint):
     with pytest.raises(BadRequest) as caught:
         with_overrides(Settings(), [override])
     assert words in caught.value.sentence and caught.value.hint and hint in caught.value.hint
@@ -103,7 +103,7 @@ LEVELS = [
 
 
 @pytest.mark.parametrize("value", LEVELS)
-def test_levels_that_are_none_or_that_no_computer_holds_are_refused(value):
+def test_invalid_levels_are_rejected(value):
     with pytest.raises(
         BadRequest, match=r"geometry\.levels (= .* is not a list of|holds an empty or impossible) level"
     ):
@@ -111,7 +111,7 @@ def test_levels_that_are_none_or_that_no_computer_holds_are_refused(value):
 
 
 def leaves(content, where=""):
-    """Dotted names of everything in nested groups of settings that is not a group itself."""
+    """Dotted names of all settings in nested groups."""
     for name, value in content.items():
         if isinstance(value, dict):
             yield from leaves(value, f"{where}{name}.")
@@ -119,7 +119,7 @@ def leaves(content, where=""):
             yield where + name
 
 
-def test_every_field_is_described_with_its_default_and_range():
+def test_every_setting_is_described_with_default_and_range():
     rows = {name: (default, text) for name, default, text in describe()}
     assert rows["seed"] == (0, f"Seed of every random number [0 .. {2**31 - 1}]")
     assert "kan | mlp" in rows["segmentation.head"][1]

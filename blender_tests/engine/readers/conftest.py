@@ -1,4 +1,4 @@
-"""How many files are changed, and the project whose files are."""
+"""The option for the number of mutants, and the project whose files are mutated."""
 
 import os
 import shutil
@@ -10,12 +10,12 @@ collect_ignore_glob = ["test_readers.py"] if os.name == "nt" else []  # a timer 
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--mutants", type=int, help="changed files for each reader, and a share of it for slow ones")
+    parser.addoption("--mutants", type=int, help="mutated files for each reader; slow readers get fewer")
 
 
 @pytest.fixture(scope="session")
 def project(learned, tmp_path_factory) -> Path:
-    """The learned project with planes of one view and an edit."""
+    """The learned project with an edit and the planes of one view."""
     import karf_engine as karf
     from blender_tests.engine.readers.samples import RENDERED
 

@@ -1,6 +1,4 @@
-"""Hypothesis strategies of nearly right files: each takes the bytes of a valid file and gives those of a changed one."""
-
-from __future__ import annotations
+"""Hypothesis strategies that mutate the bytes of a valid file."""
 
 import copy
 import io
@@ -43,7 +41,7 @@ def happens(draw: Draw, percent: int) -> bool:
 
 @st.composite
 def changed_bytes(draw: Draw, data: bytes) -> bytes:
-    """Overwrite numbers, flip bits, take out, put in, repeat, cut off."""
+    """Overwrite numbers, flip bits, remove, insert, repeat, or truncate."""
     for _ in range(draw(st.sampled_from((1, 1, 1, 2, 3, 8)))):
         if data:
             data = draw(_byte_change(data, draw(st.integers(0, len(data) - 1))))
@@ -51,7 +49,7 @@ def changed_bytes(draw: Draw, data: bytes) -> bytes:
 
 
 def _byte_change(data: bytes, at: int) -> st.SearchStrategy[bytes]:
-    """The data with something else in the place of a few bytes."""
+    """The data with a few bytes replaced, removed or inserted."""
     flipped = st.integers(0, 7).map(lambda bit: bytes([data[at] ^ 1 << bit]))
     number = st.one_of(flipped, st.binary(min_size=1, max_size=1), st.sampled_from(NUMBERS))
     start, size = st.integers(0, len(data) - 1), st.sampled_from((4, 16, 64))
@@ -65,7 +63,7 @@ def _byte_change(data: bytes, at: int) -> st.SearchStrategy[bytes]:
 
 @st.composite
 def changed_text(draw: Draw, data: bytes) -> bytes:
-    """Replace, take out and repeat words; sometimes bytes."""
+    """Replace, remove and repeat words; sometimes change bytes."""
     if happens(draw, 25):
         return draw(changed_bytes(data))
     parts = re.split(r"(\s+)", data.decode("utf-8", "surrogateescape"))
@@ -79,7 +77,7 @@ def changed_text(draw: Draw, data: bytes) -> bytes:
 
 @st.composite
 def changed_json(draw: Draw, data: bytes) -> bytes:
-    """Replace, take out and add values anywhere in a JSON file; sometimes bytes."""
+    """Replace, remove and add values anywhere in a JSON file; sometimes change bytes."""
     if happens(draw, 20):
         return draw(changed_bytes(data))
     return json_bytes(draw(changed_value(json.loads(data))))
@@ -91,7 +89,7 @@ def json_bytes(value: Any) -> bytes:
 
 @st.composite
 def changed_value(draw: Draw, value: Any) -> Any:
-    """The value with some of what is in it changed, in place where that is possible."""
+    """The value with parts of it changed, in place where possible."""
     for _ in range(draw(st.sampled_from((1, 1, 1, 2, 3)))):
         places = list(_places(value))
         if not places or happens(draw, 1):
@@ -110,7 +108,7 @@ def changed_value(draw: Draw, value: Any) -> Any:
 
 
 def _places(value: Any) -> Iterator[tuple[Any, Any]]:
-    """Every (container, key) in a JSON value; of long lists the beginning."""
+    """Every (container, key) in a JSON value, and only the beginning of long lists."""
     keys = list(value) if isinstance(value, dict) else range(min(len(value), 30)) if isinstance(value, list) else ()
     for key in keys:
         yield value, key
@@ -119,10 +117,11 @@ def _places(value: Any) -> Iterator[tuple[Any, Any]]:
 
 @st.composite
 def changed_zip(draw: Draw, data: bytes) -> bytes:
-    """Change, rename or remove one member, mostly a JSON one, and pack again; sometimes change bytes of the whole."""
+    """Change, rename or remove one member, usually a JSON one; sometimes change bytes of the archive."""
     if happens(draw, 25):
         return draw(changed_bytes(data))
-    members = _members(data)
+    with zipfile.ZipFile(io.BytesIO(data)) as stored:
+        members = {name: stored.read(name) for name in stored.namelist()}
     described = [name for name in members if name.endswith(".json")]
     name = draw(st.sampled_from([*described * 6, *members]))
     content = members.pop(name)
@@ -132,15 +131,6 @@ def changed_zip(draw: Draw, data: bytes) -> bytes:
     elif way == "change":
         kinds = {"json": changed_json, ".npy": changed_npy}
         members[name] = draw(kinds.get(name[-4:], changed_bytes)(content))
-    return _packed(members)
-
-
-def _members(data: bytes) -> dict[str, bytes]:
-    with zipfile.ZipFile(io.BytesIO(data)) as stored:
-        return {name: stored.read(name) for name in stored.namelist()}
-
-
-def _packed(members: dict[str, bytes]) -> bytes:
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
         for member, content in members.items():
@@ -150,15 +140,14 @@ def _packed(members: dict[str, bytes]) -> bytes:
 
 @st.composite
 def changed_npy(draw: Draw, data: bytes) -> bytes:
-    """Change an npy, half of the time its header."""
-    if happens(draw, 50):
-        return draw(changed_bytes(data))
-    return draw(changed_bytes(data[:128])) + data[128:]
+    """Change bytes of an npy file, half of the time only in its header."""
+    end = len(data) if happens(draw, 50) else 128
+    return draw(changed_bytes(data[:end])) + data[end:]
 
 
 @st.composite
 def changed_safetensors(draw: Draw, data: bytes) -> bytes:
-    """Change the header's values, the facts in it, or bytes."""
+    """Change the header, the facts in it, or bytes."""
     if happens(draw, 30):
         return draw(changed_bytes(data))
     if happens(draw, 30):
@@ -167,7 +156,7 @@ def changed_safetensors(draw: Draw, data: bytes) -> bytes:
 
 
 def with_facts(data: bytes, change: Callable[[Any], Any]) -> bytes:
-    """A safetensors file with other facts, where checkpoints.py writes them."""
+    """A safetensors file with changed facts, which checkpoints.py stores in the header."""
 
     def in_header(header: dict[str, Any]) -> dict[str, Any]:
         own = json.loads(header["__metadata__"]["karf"])
@@ -178,7 +167,7 @@ def with_facts(data: bytes, change: Callable[[Any], Any]) -> bytes:
 
 
 def with_header(data: bytes, change: Callable[[dict[str, Any]], Any]) -> bytes:
-    """A safetensors file with another header and the same tensors."""
+    """A safetensors file with a changed header and the same tensors."""
     end = 8 + int.from_bytes(data[:8], "little")
     text = json_bytes(change(json.loads(data[8:end])))
     text += b" " * (-len(text) % 8)

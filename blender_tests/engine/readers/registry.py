@@ -1,15 +1,14 @@
-"""The registry of readers: what is valid, which file is changed, how, and how the engine reads it."""
-
-from __future__ import annotations
+"""The registry of readers: how to make valid files, mutate them, and read them with the engine."""
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import karf_engine as karf
 from blender_tests.engine.readers import mutations, samples
-from blender_tests.engine.readers.mutations import changed_bytes, changed_json, changed_safetensors, changed_text
+from blender_tests.engine.readers.mutations import changed_bytes, changed_json, changed_text, changed_zip
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_from_json, capture_to_json
 from karf_engine.capture.sparse_points import read_points
@@ -39,21 +38,21 @@ from tools.convert_bmild import read_bmild
 
 @dataclass(frozen=True)
 class Reader:
-    """How the engine reads files of one kind."""
+    """How the engine reads one kind of file."""
 
-    name: str  # as tests are called
+    name: str  # the test id
     make: Callable[[Path], None]  # writes valid files into an empty folder
-    files: tuple[str, ...]  # those that are changed
+    files: tuple[str, ...]  # the ones to mutate
     mutation: mutations.Mutation
-    read: Callable[[Path], object]  # of a changed file, in whose folder it may write
-    share: int = 1  # it gets so many times fewer mutants, as it takes long
+    read: Callable[[Path], object]  # reads a mutated file; may write in its folder
+    share: int = 1  # divides the number of mutants, for slow readers
 
 
-STARTS = 3  # the share of those that start a process
+STARTS = 3  # share of readers that start a process
 
 
 def capture(path: Path) -> None:
-    """Open the capture that the file belongs to, as the geometry stage does; COLMAP's lie in sparse/0."""
+    """Open the capture of this file as the geometry stage does; COLMAP's files lie in sparse/0."""
     folder = path.parents[2] if path.parent.name == "0" else path.parent
     json.dumps(capture_to_json(open_capture(folder)))
 
@@ -63,10 +62,8 @@ def canonical_capture(path: Path) -> None:
 
 
 def photo(path: Path) -> None:
-    try:
+    with suppress(KarfError):  # the picture may be readable without a valid header
         image_header(path)
-    except KarfError:
-        pass  # the picture itself may still be of a kind that is known
     read_photo(path)
 
 
@@ -81,7 +78,7 @@ def state(path: Path) -> None:
 
 
 def learned(path: Path) -> None:
-    """Load all that a render needs."""
+    """Load everything that a render needs."""
     model = karf.load(project_of(path).folder, "cpu")
     model.capture.split("test")
     if model.palettes:
@@ -94,7 +91,7 @@ def surface(path: Path) -> None:
 
 
 def masked_views(path: Path) -> None:
-    """What the recoloring stage learns from in the views that have a mask, which the report names."""
+    """Load the recoloring stage's training rays of the views with a mask, which the report names."""
     options = RenderOptions(project=project_of(path).folder, threads=1)
     job = open_job(options, lambda kind, /, **values: None, lambda: False)
     settings = replace(job.settings, recoloring=replace(job.settings.recoloring, supervision="reference"))
@@ -109,13 +106,12 @@ def read_events(path: Path) -> None:
 
 
 def project_of(path: Path) -> Project:
-    """Return the project of one of its files."""
-    is_result = path.parent.parent.name == "results"
-    return Project(path.parents[2] if is_result else path.parent)
+    """The project that a file belongs to."""
+    return Project(path.parents[2] if path.parents[1].name == "results" else path.parent)
 
 
 def readers() -> list[Reader]:
-    """All readers but those of a project's files."""
+    """All readers except those of a project's files."""
     json_files = [
         ("NeRF-synthetic", samples.nerf_synthetic, "transforms_train.json", capture),
         ("transforms.json", samples.transforms, "transforms.json", capture),
@@ -128,7 +124,7 @@ def readers() -> list[Reader]:
         **dict.fromkeys(("cloud.ply", "text.ply", "cloud.compressed.ply", "cloud.usda"), changed_text),
         **dict.fromkeys(("cloud.splat", "cloud.spz", "streams.spz", "cloud.glb"), changed_bytes),
         **dict.fromkeys(("cloud.usdc", "packed.usdc", "cloud.usdz"), changed_bytes),
-        "cloud.sog": mutations.changed_zip,
+        "cloud.sog": changed_zip,
         "cloud.gltf": changed_json,
     }
 
@@ -171,24 +167,21 @@ def readers() -> list[Reader]:
 
 
 def project_readers(project: Path | None) -> list[Reader]:
-    """Readers of the files of a learned project with planes and an edit, which is copied. None: only names are wanted."""
+    """Readers of the files of a copy of a learned project with planes and an edit; None gives names only."""
     make = samples.project(project)
-
-    def colors_of_ball(path: Path) -> None:
-        read_object_colors(path, "ball")
 
     kinds = [
         ("project.json", changed_json, state),
         ("edit.json", changed_json, lambda path: read_edit(path, read_palettes(project_of(path).palette_file))),
-        (f"planes/{samples.RENDERED}.npz", mutations.changed_zip, read_planes),
+        (f"planes/{samples.RENDERED}.npz", changed_zip, read_planes),
         ("results/geometry-1/capture.json", changed_json, learned),
-        ("results/geometry-1/geometry.safetensors", changed_safetensors, learned),
+        ("results/geometry-1/geometry.safetensors", mutations.changed_safetensors, learned),
         ("results/segmentation-1/segmentation.json", changed_json, masked_views),
-        ("results/segmentation-1/segmentation.safetensors", changed_safetensors, learned),
-        ("results/segmentation-1/surface.safetensors", changed_safetensors, surface),
+        ("results/segmentation-1/segmentation.safetensors", mutations.changed_safetensors, learned),
+        ("results/segmentation-1/surface.safetensors", mutations.changed_safetensors, surface),
         ("results/recoloring-1/palette.json", changed_json, learned),
-        ("results/recoloring-1/recoloring.safetensors", changed_safetensors, learned),
-        ("results/recoloring-1/object_colors.npz", mutations.changed_zip, colors_of_ball),
-        ("results/splats-1/splats.safetensors", changed_safetensors, learned),
+        ("results/recoloring-1/recoloring.safetensors", mutations.changed_safetensors, learned),
+        ("results/recoloring-1/object_colors.npz", changed_zip, lambda path: read_object_colors(path, "ball")),
+        ("results/splats-1/splats.safetensors", mutations.changed_safetensors, learned),
     ]
     return [Reader(Path(file).name, make, (file,), mutation, read) for file, mutation, read in kinds]

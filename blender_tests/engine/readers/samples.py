@@ -1,6 +1,4 @@
-"""Valid files of every kind that the engine reads, as small as they can be."""
-
-from __future__ import annotations
+"""Small valid files of every kind that the engine reads."""
 
 import atexit
 import hashlib
@@ -35,36 +33,34 @@ from karf_engine.splats.formats.splat_file import SplatFile
 from karf_engine.splats.kernels.arrays import LOGIT
 from karf_engine.worker.protocol import Event, Request
 
-RENDERED = "test_r_0"  # the view of a learned project that has planes
+RENDERED = "test_r_0"  # the view with planes in the learned project
 NAMES = [f"photo_{number}.png" for number in range(4)]
 
 
-# -------------------------------------------------------------------------------------------------------------- captures
 def nerf_synthetic(folder: Path) -> None:
     capture_files.write_nerf_synthetic(folder, cameras(5, 8))
 
 
 def transforms(folder: Path) -> None:
-    """As nerfstudio writes them, with a lens and sparse points."""
+    """A nerfstudio capture with a lens and sparse points."""
     capture_files.write_transforms(folder, cameras(4, 8), NAMES)
-    path = folder / "transforms.json"
+    content = json.loads((folder / "transforms.json").read_text())
     more = {"ply_file_path": "points.ply", "test_filenames": [f"images/{NAMES[0]}"], "k1": 0.01}
-    path.write_text(json.dumps(json.loads(path.read_text()) | more))
+    capture_files.put_json(folder / "transforms.json", content | more)
     (folder / "points.ply").write_text(PLY_TEXT)
 
 
 def splat_cameras(folder: Path) -> None:
-    """The cameras that lie beside a splat."""
+    """The camera file beside a splat."""
     entry = {"width": 8, "height": 8, "fx": 9.0, "fy": 9.0, "position": [1.0, 2, 3], "rotation": np.eye(3).tolist()}
     (folder / "cameras.json").write_text(json.dumps([entry, entry]))
 
 
 def camera_file(folder: Path) -> None:
-    """New cameras for a render."""
-    poses = [camera.camera_to_world.tolist() for camera in cameras(2, 8)]
-    frames = [{"file_path": f"frame_{n}", "transform_matrix": pose} for n, pose in enumerate(poses)]
+    """Cameras to render from."""
+    frames = capture_files.frames_of(["frame_0", "frame_1"], cameras(2, 8))
     content = {"w": 8, "h": 6, "fl_x": 9.0, "fl_y": 9.0, "cx": 4, "cy": 3, "k1": 0.1, "frames": frames}
-    (folder / "cameras.json").write_text(json.dumps(content))
+    capture_files.put_json(folder / "cameras.json", content)
 
 
 def canonical_capture(folder: Path) -> None:
@@ -75,7 +71,7 @@ def canonical_capture(folder: Path) -> None:
 
 
 def colmap(suffix: str) -> Callable[[Path], None]:
-    """A sparse model with this suffix."""
+    """A sparse model with files of this suffix."""
     return lambda folder: capture_files.write_colmap(folder, cameras(4, 8), NAMES, suffix) and None
 
 
@@ -91,7 +87,7 @@ PLY_TEXT = (
 
 
 def ply(folder: Path) -> None:
-    """The same as text, and three points in binary with a face after them."""
+    """PLY_TEXT, and a binary file of three points followed by a face."""
     (folder / "text.ply").write_text(PLY_TEXT)
     axes = "".join(f"property double {axis}\n" for axis in "xyz")
     head = f"ply\nformat binary_little_endian 1.0\ncomment x\nelement vertex 3\n{axes}"
@@ -99,13 +95,12 @@ def ply(folder: Path) -> None:
     (folder / "binary.ply").write_bytes(head.encode() + np.arange(9.0).tobytes() + b"\x03" + bytes(12))
 
 
-# -------------------------------------------------------------------------------------------------------------- pictures
 def _pixels(channels: int = 3) -> np.ndarray:
     return np.random.default_rng(0).integers(0, 256, (6, 8, channels), np.uint8)
 
 
 def pictures(folder: Path) -> None:
-    """Of every kind: turned by Exif, with alpha, with a palette, for print, of 16 bits, of floats."""
+    """Pictures rotated by Exif, with alpha, with a palette, in CMYK, of 16 bits and of floats."""
     exif, picture, words = Image.Exif(), Image.fromarray(_pixels()), _pixels().astype(np.uint16) * 257
     exif[0x0112] = 6
     for suffix in (".png", ".jpg"):
@@ -125,12 +120,11 @@ def pictures(folder: Path) -> None:
         OpenEXR.File(header, {"RGBA"[:channels]: pixels}).write(str(folder / f"{name}.exr"))
 
 
-# ------------------------------------------------------------------------------------------------- given to other programs
 SWATCHES = tuple(Palette(name, np.array([[0, 0, 0], [0.75, 0.25, 0.5]], np.float32)) for name in ("pot", "my mug"))
 
 
 def color_books(folder: Path) -> None:
-    """A book of each kind that the swatches' readers do not cover."""
+    """A color book of each kind that `swatches` does not cover."""
     (folder / "inks.csv").write_text("name,hex,lab\nRed,#ff0000,\nSky,,48 -14 -32\n")
     texts = [struct.pack(">I", len(each)) + each.encode("utf-16-be") for each in ("Ink", "INK ", "", "", "1 C", "2 C")]
     head = b"8BCB" + struct.pack(">HH", 1, 3000) + b"".join(texts[:4]) + struct.pack(">4H", 2, 7, 3, 7)
@@ -148,9 +142,8 @@ def layers(folder: Path) -> None:
     write_layers(folder / "view.exr", Layers(SWATCHES, _pixels(), weights.sum(1), weights))
 
 
-# ---------------------------------------------------------------------------------------------------- other programs' NeRFs
 def nerfs(folder: Path) -> None:
-    """One tiny network as each program stores it."""
+    """A tiny network as each program stores it."""
     shape = NerfShape(depth=3, width=8, skips=(1,), view_width=4, position_frequencies=2, direction_frequencies=1,
                       linear_first=False, rectified_features=False)  # fmt: skip
     state = NerfNetwork(shape).state_dict()
@@ -160,15 +153,14 @@ def nerfs(folder: Path) -> None:
     checkpoints.write_arrays(folder / "model_000001.npy", checkpoints.bmild_arrays(state))
 
 
-# ---------------------------------------------------------------------------------------------------------------- splats
 def splats(folder: Path) -> None:
-    """Some Gaussians in every kind of file."""
+    """A few Gaussians in every format."""
     shutil.copytree(_splats(), folder, dirs_exist_ok=True)
 
 
 @cache
 def _splats() -> Path:
-    """A folder of them; each was read once, so that packages have compiled what they do."""
+    """Write each splat file once and read it, so that packages have compiled their code."""
     gsply, usd_utils = pytest.importorskip("gsply"), pytest.importorskip("pxr.UsdUtils")
     folder, table = Path(tempfile.mkdtemp()), unit_cloud(12, 1)
     atexit.register(shutil.rmtree, folder)
@@ -179,7 +171,7 @@ def _splats() -> Path:
     write_text(folder / "text.ply", table)
     gsply.write_spz(folder / "streams.spz", to_package(table), version=4)
     alike = unit_cloud(20, 0)
-    alike[:, LOGIT] = 16  # usd-core packs equal numbers, from sixteen on
+    alike[:, LOGIT] = 16  # usd-core packs sixteen or more equal numbers
     write_splats(folder / "packed.usdc", SplatFile(alike))
     usd_utils.CreateNewUsdzPackage(str(folder / "cloud.usdc"), str(folder / "cloud.usdz"))
     for path in folder.iterdir():
@@ -188,21 +180,19 @@ def _splats() -> Path:
     return folder
 
 
-# ---------------------------------------------------------------------------------------------------------------- messages
 def request(folder: Path) -> None:
     Request("match", folder / "project", {"masks": "/masks", "threads": 1}).write(folder)
 
 
 def events(folder: Path) -> None:
     progress = {"stage": "geometry", "step": 1, "total": 2, "rate": 1.0, "eta_s": 1.0, "metrics": {}}
-    told = {"hello": {"protocol": 1, "pid": 3}, "progress": progress, "done": {"summary": {}}}
-    lines = [Event(kind, number, 1.0 + number, values).encode() for number, (kind, values) in enumerate(told.items())]
+    sent = {"hello": {"protocol": 1, "pid": 3}, "progress": progress, "done": {"summary": {}}}
+    lines = [Event(kind, number, 1.0 + number, values).encode() for number, (kind, values) in enumerate(sent.items())]
     (folder / "events.jsonl").write_text("\n".join(lines) + "\n")
 
 
-# ---------------------------------------------------------------------------------------------------------------- projects
 def project(learned: Path | None) -> Callable[[Path], None]:
-    """A copy of a learned project, whose project.json says nothing of its own checksum: else no change would be read."""
+    """A copy of a learned project without project.json's checksum, which would reject every change."""
 
     def copy(folder: Path) -> None:
         shutil.copytree(learned, folder, dirs_exist_ok=True)
@@ -215,16 +205,15 @@ def project(learned: Path | None) -> Callable[[Path], None]:
 
 
 def renew_checksum(project: Path, path: Path) -> None:
-    """Note a changed output of a stage in project.json as a stranger would: with a checksum that fits."""
+    """Update the checksum of a stage's changed output in project.json, as an attacker would."""
     state_file = project / "project.json"
     try:
         state = json.loads(state_file.read_text())
         noted = [entry["files"] for entry in state["stages"].values() if path.parent.name == entry.get("folder")]
-    except (OSError, ValueError, KeyError, AttributeError, TypeError):  # project.json itself was changed, or is missing
-        return
-    if not noted:
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):  # project.json itself was changed or is missing
         return
     for files in noted:
         files[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
-    state.pop("checksum", None)  # of project.json: without it what it says is believed
-    state_file.write_text(json.dumps(state, indent=1) + "\n")
+    if noted:
+        state.pop("checksum", None)  # without a checksum project.json is trusted
+        state_file.write_text(json.dumps(state, indent=1) + "\n")

@@ -1,9 +1,10 @@
-"""The table of corruptions: what is done to a reader's valid file, and the sentence that it ends in."""
+"""Corruptions of valid files, and the error message that each must give."""
 
-import io
 import json
 import math
 import struct
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,6 @@ from karf_engine.errors import DataError
 READERS = {reader.name: reader for reader in readers()}
 
 
-# ------------------------------------------------------------------------------------------------------ what can be done
 def content(data):
     return lambda path: path.write_bytes(data)
 
@@ -34,28 +34,18 @@ def cut(share):
 
 
 def beside(name, change):
-    """The change of another file, whose path is given from the reader's own."""
+    """Change another file, given by its path relative to the reader's own."""
     return lambda path: change(path.parent / name)
 
 
 def of_sample(name, change):
-    """The change of another valid file, in place of this one."""
+    """Put another valid file in place of this one, and change it."""
 
     def replace(path):
         path.with_name(name).replace(path)
         change(path)
 
     return replace
-
-
-def in_place(make):
-    """Something that is no file, in place of it."""
-
-    def change(path):
-        path.unlink()
-        make(path)
-
-    return change
 
 
 def in_json(function):
@@ -66,33 +56,24 @@ def in_json(function):
     return change
 
 
-def fields(**values):
-    return in_json(lambda value: value.update(values))
+def fields(*removed, **values):
+    return in_json(lambda value: {key: kept for key, kept in value.items() if key not in removed} | values)
 
 
-def without(*keys, **values):
-    return in_json(lambda value: {key: kept for key, kept in value.items() if key not in keys} | values)
+def inside(*place):
+    """Return a change of fields of the object at this place."""
+    return lambda **values: in_json(lambda value: reduce(getitem, place, value).update(values))
 
 
-def frame(**values):
-    return in_json(lambda value: value["frames"][0].update(values))
+frame, camera, view = inside("frames", 0), inside(1), inside("views", 0)
 
 
 def pose(matrix):
     return frame(transform_matrix=matrix)
 
 
-def frames(*values):
-    return fields(frames=list(values))
-
-
-def camera(**values):
-    """Change the second camera of a splat."""
-    return in_json(lambda value: value[1].update(values))
-
-
 def model(function):
-    """Write a table of COLMAP again, after a change of the model that all three were written from."""
+    """Write COLMAP's tables again after a change of their model."""
 
     def change(path):
         whole = ColmapModel(cameras(4, 8), NAMES)
@@ -127,7 +108,7 @@ def point(**values):
 
 
 def array(function):
-    """Write an array again that a function has changed in place, or another one."""
+    """Write an array again after a function changed it in place or returned another one."""
 
     def change(path):
         table = np.load(path)
@@ -142,12 +123,9 @@ def number(row, column, value):
 
 
 def npy(value):
-    stream = io.BytesIO()
-    np.save(stream, value)
-    return content(stream.getvalue())
+    return lambda path: np.save(path, value)
 
 
-# ------------------------------------------------------------------------------------------------------------- the table
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:1ce8274457\nsize 421531\n"
 HUGE = struct.pack("<Q", 2**60)
 POSE = np.eye(4).tolist()
@@ -159,11 +137,11 @@ NO_PICTURE = "cannot be read as a picture"
 NO_ARRAY = "not a complete array"
 NO_POSE = "not a rotation and position"
 NO_FILE = ", not a file"
-IN_PLACE = [in_place(make) for make in NO_FILES]
+IN_PLACE = [lambda path, make=make: (path.unlink(), make(path)) for make in NO_FILES]
 PLY = b"ply\nformat ascii 1.0\nelement vertex %d\nproperty float x\nproperty float y\nproperty %s z\nend_header\n"
 
-# a row: words of the sentence, and all that is done to the reader's first file to get it; another file than that one is
-# named before " … ", and nothing before it names the capture's folder alone
+# A row: words of the message, and the changes of the reader's first file that each must give it. The message must name
+# this file, or instead the words before " … " where the row has them; with nothing before it, only the folder.
 TABLE = {
     **{
         f"{table}.bin": [
@@ -216,11 +194,12 @@ TABLE = {
         ("cannot be read", content(b'{"fl_x": ' + b"9" * 10_000 + b"}")),
         ("JSON list", in_json(lambda value: [value])),
         ("JSON int", content(b"7")),
-        ("no list of frames", without("frames"), frames(), fields(frames={"a": 1}), fields(frames="all")),
-        ("frame 0 has no file_path", frames("a.png"), frames({"transform_matrix": POSE}), frame(file_path="")),
+        ("no list of frames", fields("frames"), *(fields(frames=value) for value in ([], {"a": 1}, "all"))),
+        ("frame 0 has no file_path", fields(frames=["a.png"]), fields(frames=[{"transform_matrix": POSE}])),
+        ("frame 0 has no file_path", frame(file_path="")),
         ("frame 1 has no file_path", in_json(lambda value: value["frames"].__setitem__(1, []))),
-        ("neither fl_x nor camera_angle_x", without("fl_x", "fl_y")),
-        ("camera_angle_x = 50", without("fl_x", camera_angle_x=50)),
+        ("neither fl_x nor camera_angle_x", fields("fl_x", "fl_y")),
+        ("camera_angle_x = 50", fields("fl_x", camera_angle_x=50)),
         ("fl_x = 'wide'", fields(fl_x="wide")),
         ("fl_x = nan", fields(fl_x=math.nan)),
         ("must be positive", fields(fl_x=-4)),
@@ -232,19 +211,19 @@ TABLE = {
         ("FISHEYE624 camera", fields(camera_model="FISHEYE624")),
         ("['OPENCV'] camera", fields(camera_model=["OPENCV"])),
         ("k4 = 'none'", fields(k4="none")),
-        ("frame 0", frames({"file_path": f"images/{NAMES[0]}"})),
+        ("frame 0", fields(frames=[{"file_path": f"images/{NAMES[0]}"}])),
         ("no 4x4", pose([[1, 0, 0], [0, 1], [0]]), pose(POSE[:3][:2]), pose([["a"] * 4] * 4)),
         ("no 4x4", pose(np.eye(3).tolist()), pose([[10**400, 0, 0, 0], *POSE[1:]])),
         ("not finite", pose([[1, 0, 0, math.inf], *POSE[1:]]), pose((np.eye(4) * 1e200).tolist())),
         ("uniform scale", pose([[2, 0, 0, 0], *POSE[1:]]), pose([[1, 0.6, 0, 0], [0, 0.8, 0, 0], *POSE[2:]])),
         ("uniform scale", pose([[-1, 0, 0, 0], *POSE[1:]]), pose(np.zeros((4, 4)).tolist())),
-        (" … none of its 1 photos was found", frames({"file_path": "a" * 5000, "transform_matrix": POSE})),
-        (" … none of its 2 photos was found", frames(*OTHER_NAMES)),
+        (" … none of its 1 photos was found", fields(frames=[{"file_path": "a" * 5000, "transform_matrix": POSE}])),
+        (" … none of its 2 photos was found", fields(frames=OTHER_NAMES)),
         ("gone.ply … missing", fields(splat_file_path="gone.ply")),
         ("points.ply … cut off", beside("points.ply", cut(0.97))),
         (f"{NAMES[0]} … Git-LFS pointer", beside(f"images/{NAMES[0]}", content(POINTER))),
     ],
-    "camera file": [("declares no picture size", without("w"))],
+    "camera file": [("declares no picture size", fields("w"))],
     "cameras of a splat": [
         ("", content(b"{}"), content(b"[]"), content(b"["), content(b'"x"'), content(b"[1]")),
         ("camera 1", camera(rotation=[[1, 0], [0, 1]]), camera(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, math.nan]])),
@@ -252,7 +231,7 @@ TABLE = {
         ("rotation", camera(rotation=[[1, 0, 0], [0, 3, 0], [0, 0, 1]])),
     ],
     "canonical capture": [
-        ("gains", in_json(lambda value: value["views"][0].update(gains=[1.0, 0.0, 1.0]))),
+        ("gains", view(gains=[1.0, 0.0, 1.0])),
         ("not a canonical capture", fields(splats={"is_antialiased": True})),
     ],
     "points in PLY": [
@@ -335,7 +314,7 @@ ROWS = [(name, words, change) for name, rows in TABLE.items() for words, *change
 
 
 def corrupt(folder, name, change):
-    """The changed file of a reader."""
+    """Make the reader's valid files and change the first."""
     READERS[name].make(folder)
     path = folder / READERS[name].files[0]
     change(path)
@@ -343,7 +322,7 @@ def corrupt(folder, name, change):
 
 
 @pytest.mark.parametrize(("name", "words", "change"), ROWS, ids=[f"{name}: {words}" for name, words, _ in ROWS])
-def test_a_corrupted_file_ends_in_one_sentence_that_names_it_and_a_remedy(tmp_path, name, words, change):
+def test_corrupted_file_is_rejected_with_its_name_and_a_remedy(tmp_path, name, words, change):
     path = corrupt(tmp_path, name, change)
     with pytest.raises(DataError) as caught:
         READERS[name].read(path)
@@ -355,7 +334,7 @@ def test_a_corrupted_file_ends_in_one_sentence_that_names_it_and_a_remedy(tmp_pa
 
 
 @pytest.mark.parametrize("name", ["images.bin", "LLFF", "transforms.json"])
-def test_the_command_line_ends_with_four_and_leaves_nothing(tmp_path, capsys, name):
+def test_failing_geometry_command_exits_with_four_and_leaves_nothing(tmp_path, capsys, name):
     capture, project = tmp_path / "capture", tmp_path / "project"
     capture.mkdir()
     words, change = TABLE[name][0][:2]

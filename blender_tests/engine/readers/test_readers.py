@@ -1,6 +1,6 @@
-"""Every reader and files that are nearly right: read, or refused in a sentence, and never anything else (watch.py).
+"""Every reader reads a mutated file or rejects it with a message, and does nothing else (watch.py).
 
-Many more files: python3 tools/dev.py fuzz.
+Run with many more files: python3 tools/dev.py fuzz.
 """
 
 import os
@@ -17,20 +17,18 @@ from blender_tests.engine.readers.watch import Flaw, read_watched
 
 READERS = {reader.name: reader for reader in readers()}
 OF_PROJECT = [reader.name for reader in project_readers(None)]
-MUTANTS = 20  # where no option says another number
+MUTANTS = 20  # without the option --mutants
 
 
 @dataclass(frozen=True)
-class Changed:
-    """A changed file."""
-
+class Mutant:
     name: str
     data: bytes = field(repr=False)
 
 
 @pytest.mark.parametrize("name", [*READERS, *OF_PROJECT])
-def test_valid_files_are_read_and_changed_ones_are_read_or_refused(name, tmp_path, request):
-    """The file that breaks a reader is left in the folder."""
+def test_mutated_files_are_read_or_rejected(name, tmp_path, request):
+    """A file that breaks a reader is left in the folder."""
     if name in OF_PROJECT:
         reader = project_readers(request.getfixturevalue("project"))[OF_PROJECT.index(name)]
     else:
@@ -43,21 +41,21 @@ def test_valid_files_are_read_and_changed_ones_are_read_or_refused(name, tmp_pat
     kept = [file for file in (*reader.files, "project.json") if (tmp_path / file).exists()]
     valid = {file: (tmp_path / file).read_bytes() for file in kept}
     files = st.sampled_from(reader.files).flatmap(
-        lambda file: st.builds(Changed, st.just(file), reader.mutation(valid[file]))
+        lambda file: st.builds(Mutant, st.just(file), reader.mutation(valid[file]))
     )
 
     @settings(max_examples=max(2, number), deadline=None, derandomize=mutants is None, database=None,
               suppress_health_check=HealthCheck)  # fmt: skip
     @given(files)
-    def changed_files_are_read_or_refused(changed):
+    def check(changed):
         for file, data in valid.items():
             (tmp_path / file).write_bytes(data)
         path = tmp_path / changed.name
         path.write_bytes(changed.data)
-        renew_checksum(tmp_path, path)  # a project may come from a stranger whose checksums fit its hostile files
-        event("read" if read_watched(reader.read, path, tmp_path) else "refused in a sentence")
+        renew_checksum(tmp_path, path)  # a hostile project may have valid checksums
+        event("read" if read_watched(reader.read, path, tmp_path) else "rejected with a message")
 
-    changed_files_are_read_or_refused()
+    check()
 
 
 def write_outside(path):
@@ -81,7 +79,7 @@ def hide_a_write(path):
         (lambda path: {}["absent"], KeyError, "absent"),
     ],
 )
-def test_the_watch_sees_and_prevents_what_must_not_happen(tmp_path, read, raised, words):
+def test_watch_reports_and_prevents_forbidden_actions(tmp_path, read, raised, words):
     with pytest.raises(raised, match=words or None):
         read_watched(read, tmp_path / "inside" / "file", tmp_path / "inside")
     assert not (tmp_path / "outside.txt").exists()

@@ -1,11 +1,9 @@
-"""Read one file under watch: what must never happen is raised, whatever the reader does about it.
+"""Read one file under watch: a forbidden action raises a Flaw even where the reader hides it.
 
-Limits: ten seconds, a gigabyte of memory above what is in use. Never: an exception that is not a KarfError, writing
-outside the given folder, unpickling, starting a program, opening a connection. One program may be started: the engine's
-own Python with limits (`karf_engine.io.limited`), whose memory is not watched here.
+Limits: ten seconds, and a gigabyte of memory above what is in use. Forbidden: an exception other than a KarfError,
+writing outside the given folder, unpickling, starting a program, and opening a connection. The one program that may be
+started is the engine's own limited Python (`karf_engine.io.limited`), whose memory is not watched here.
 """
-
-from __future__ import annotations
 
 import faulthandler
 import os
@@ -22,9 +20,9 @@ from pathlib import Path
 from karf_engine.errors import KarfError
 
 SECONDS = 10
-PATIENCE = 2 * SECONDS  # after which the process ends: it hangs in what no signal reaches
+PATIENCE = 2 * SECONDS  # then the process is ended, as it hangs where no signal reaches it
 BYTES = 1 << 30
-LONGEST = 2000  # letters of a sentence
+LONGEST = 2000  # characters of a message
 INTERNAL = 70  # exit code
 OUT_OF_MEMORY = r"(?i)insufficient memory|bad_alloc|can't allocate"
 FORBIDDEN = (
@@ -36,11 +34,11 @@ WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 
 
 class Flaw(AssertionError):
-    """What must never happen."""
+    """Something that must never happen."""
 
 
 class TooSlow(BaseException):
-    """The time is over; not an Exception, so that no reader takes it for damage."""
+    """Time is up; not an Exception, so that no reader takes it for damage."""
 
 
 _notes: list[str] | None = None  # of the running watch
@@ -49,34 +47,34 @@ _hooked = False
 
 
 def read_watched(read: Callable[[Path], object], path: Path, folder: Path) -> bool:
-    """Whether a file is read, and not refused in a sentence; the reader may write in the folder only.
+    """Whether a file is read rather than rejected with a message; the reader may write in the folder only.
 
-    Raises a Flaw for what must never happen, and whatever the reader lets through.
+    Raises a Flaw for forbidden actions, and any other error of the reader.
     """
-    refused = None
+    rejection = None
     with _watched(folder) as notes:
         try:
             read(path)
         except KarfError as error:
-            refused = error
+            rejection = error
         except TooSlow as error:
             raise Flaw(f"takes more than {SECONDS} s") from error
     if notes:
         raise Flaw(notes[0])
-    if refused is not None:
-        _check(refused)
-    return refused is None
+    if rejection is not None:
+        _check(rejection)
+    return rejection is None
 
 
-def _check(refused: KarfError) -> None:
-    """Raise a Flaw where a refusal hides something else, or is not one that a user can read."""
-    cause: BaseException | None = refused.__cause__ or refused.__context__
+def _check(rejection: KarfError) -> None:
+    """Raise a Flaw where a rejection hides a lack of memory, or its message is not for a user."""
+    cause: BaseException | None = rejection.__cause__ or rejection.__context__
     while cause is not None:
         if isinstance(cause, MemoryError) or re.search(OUT_OF_MEMORY, str(cause)):
             raise Flaw("takes more than 1 GB") from cause
         cause = cause.__cause__ or cause.__context__
-    if refused.exit_code == INTERNAL or len(refused.sentence) > LONGEST:
-        raise Flaw(f"not a sentence for a user: {refused.sentence[:80]}") from refused
+    if rejection.exit_code == INTERNAL or len(rejection.sentence) > LONGEST:
+        raise Flaw(f"not a message for a user: {rejection.sentence[:80]}") from rejection
 
 
 @contextmanager
@@ -88,7 +86,7 @@ def _watched(folder: Path) -> Iterator[list[str]]:
     _folder = os.path.realpath(folder)
     old_temporary, tempfile.tempdir = tempfile.tempdir, _folder
     old_handler = signal.signal(signal.SIGALRM, _too_slow)
-    old_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a late import is no writing of the reader's
+    old_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # late imports must not count as writing
     old_limit = resource.getrlimit(resource.RLIMIT_AS)
     in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     notes: list[str] = []
@@ -122,18 +120,17 @@ def _audit(event: str, arguments: tuple) -> None:
         note = f"{event} {str(arguments)[:80]}"
     elif event in CHANGES or (event == "open" and isinstance(arguments[2], int) and arguments[2] & WRITING):
         targets = arguments[:2] if event in ("os.rename", "os.link", "os.symlink") else arguments[:1]
-        if event in ("os.remove", "os.rmdir") and arguments[1] >= 0:  # within an open folder
+        if event in ("os.remove", "os.rmdir") and arguments[1] >= 0:  # relative to an open folder
             targets = (Path(f"/proc/self/fd/{arguments[1]}").readlink() / os.fsdecode(arguments[0]),)
         note = next((f"writes outside: {event} {path}" for path in map(_outside, targets) if path), "")
     if note:
         _notes.append(note)
-        raise PermissionError(note)  # so that it does not come to pass
+        raise PermissionError(note)  # prevents it
 
 
 def _outside(target) -> str:
-    """The path, where it lies outside the watched folder; an open file has been judged when it was opened."""
+    """The path if it lies outside the watched folder; an open file was checked when it was opened."""
     if not isinstance(target, str | bytes | os.PathLike):
         return ""
     path = os.path.realpath(os.fsdecode(target))
-    allowed = path == _folder or path.startswith(_folder + os.sep) or path == os.devnull
-    return "" if allowed else path
+    return "" if path in (_folder, os.devnull) or path.startswith(_folder + os.sep) else path

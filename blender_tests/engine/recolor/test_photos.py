@@ -1,4 +1,4 @@
-"""Edited copies of photos: own format, depth, profile and metadata; what no edit reaches keeps its bits."""
+"""Edited copies of photos keep format, depth, profile, metadata and the bits of unedited pixels."""
 
 import cv2
 import numpy as np
@@ -17,10 +17,13 @@ from karf_engine.recolor.photos import open_photo, suffix_for, write_photo
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 ROWS, COLUMNS = slice(2, 5), slice(1, 4)
+UNEDITED = np.ones((7, 5), bool)
+UNEDITED[ROWS, COLUMNS] = False
 REDDER = np.array([0.2, -0.1, 0.0], np.float32)
+ZIP, DWAA = OpenEXR.ZIP_COMPRESSION, OpenEXR.DWAA_COMPRESSION
 
 
-def words(*shape):
+def random_words(*shape):
     return np.random.default_rng(5).integers(0, 65536, size=shape, dtype=np.uint16)
 
 
@@ -32,7 +35,7 @@ def exif(orientation=1):
 
 
 def write_tiff(path, pixels, orientation=1, is_premultiplied=False):
-    """Uncompressed TIFF with profile, resolution and Exif."""
+    """Write an uncompressed TIFF with profile, resolution and Exif."""
     height, width, channels = pixels.shape
     tags = ImageFileDirectory_v2()
     values = {
@@ -50,16 +53,16 @@ def write_tiff(path, pixels, orientation=1, is_premultiplied=False):
 
 
 def save_sample(path, orientation=1):
-    """A photo of the kind that the file's name says, with metadata where the kind has some."""
+    """Write a photo of the kind named by the file, with metadata if the kind supports it."""
     name, suffix = path.stem, path.suffix
     facts = {"exif": exif(orientation).tobytes(), "icc_profile": PROFILE, "dpi": (300, 300)}
     if name == "deep" and suffix == ".png":
         exif_bytes, profile = (np.frombuffer(data, np.uint8) for data in (exif(orientation).tobytes()[6:], PROFILE))
-        cv2.imwriteWithMetadata(str(path), words(7, 5, 3), [0, 2], [exif_bytes[None], profile[None]])
+        cv2.imwriteWithMetadata(str(path), random_words(7, 5, 3), [0, 2], [exif_bytes[None], profile[None]])
     elif name == "deep_alpha" and suffix == ".png":
-        cv2.imwrite(str(path), words(7, 5, 4))
+        cv2.imwrite(str(path), random_words(7, 5, 4))
     elif name.startswith("deep"):
-        write_tiff(path, words(7, 5, 4 if "alpha" in name else 3), orientation)
+        write_tiff(path, random_words(7, 5, 4 if "alpha" in name else 3), orientation)
     elif name == "premultiplied":
         write_tiff(path, np.tile(np.uint8([64, 64, 64, 128]), (7, 5, 1)), is_premultiplied=True)
     elif name == "float":
@@ -78,7 +81,7 @@ SAMPLES = [
 
 
 def edited_copy(path):
-    """The path of a photo's copy in which some pixels became redder, and the photo."""
+    """The path of a photo's copy with some reddened pixels, and the photo."""
     photo = open_photo(path)
     copy = photo.copy()
     copy.change(ROWS, COLUMNS, np.broadcast_to(REDDER, (3, 3, 3)).copy())
@@ -91,20 +94,18 @@ def edited_copy(path):
     ("name", "orientation"),
     [*((name, 1) for name in SAMPLES), *((name, turn) for name in TURNED for turn in range(2, 9))],
 )
-def test_a_copy_takes_the_place_of_a_photo_and_pixels_that_no_edit_reaches_keep_their_bits(tmp_path, name, orientation):
+def test_copy_replaces_its_photo_and_unedited_pixels_keep_their_bits(tmp_path, name, orientation):
     save_sample(tmp_path / name, orientation)
     result, photo = edited_copy(tmp_path / name)
     again = open_photo(result)
     assert result.suffix == (".tif" if name.endswith("tif") else ".png")
     assert again.pixels.dtype == photo.pixels.dtype and again.size == photo.size == (5, 7)
     assert again.header.orientation == photo.header.orientation == orientation
-    untouched = np.ones((7, 5), bool)
-    untouched[ROWS, COLUMNS] = False
-    assert_array_equal(again.pixels[untouched], photo.pixels[untouched])
+    assert_array_equal(again.pixels[UNEDITED], photo.pixels[UNEDITED])
     assert_array_equal(again.pixels[..., 3:], photo.pixels[..., 3:])
-    wish = np.clip(photo.colors(ROWS, COLUMNS) + REDDER, 0, 1)
+    expected = np.clip(photo.colors(ROWS, COLUMNS) + REDDER, 0, 1)
     steps = 65535 if photo.pixels.dtype == np.uint16 else 255
-    assert_allclose(again.colors(ROWS, COLUMNS), wish, atol=0.51 / steps)
+    assert_allclose(again.colors(ROWS, COLUMNS), expected, atol=0.51 / steps)
     assert_allclose(photo.colors(), read_photo(tmp_path / name, upright=False)[..., :3], atol=1e-7)
     assert name != "premultiplied.tif" or np.allclose(photo.colors(), 0.5, atol=0.01)
     changed = read_photo(result) - read_photo(tmp_path / name)  # upright
@@ -122,7 +123,7 @@ def test_profile_exif_and_resolution_are_kept(tmp_path, name):
             assert_allclose(np.array(file.info["dpi"], float), 300, atol=0.1)
 
 
-def test_texts_of_a_photo_are_kept_and_a_gray_profile_is_not(tmp_path):
+def test_texts_are_kept_and_a_gray_profile_is_dropped(tmp_path):
     texts = PngInfo()
     texts.add_text("Author", "someone")
     gray = bytearray(PROFILE)
@@ -136,7 +137,7 @@ def test_texts_of_a_photo_are_kept_and_a_gray_profile_is_not(tmp_path):
         assert b"xmpmeta" in file.info["xmp"]
 
 
-def test_a_jpeg_stays_one_where_that_is_asked_for(tmp_path):
+def test_jpeg_is_kept_on_request(tmp_path):
     noise = np.kron(random_bytes(2, 2, 3), np.ones((8, 8, 1), np.uint8))
     Image.fromarray(noise).save(tmp_path / "a.jpg", subsampling=2, quality=80, exif=exif(6), icc_profile=PROFILE)
     photo = open_photo(tmp_path / "a.jpg")
@@ -148,32 +149,25 @@ def test_a_jpeg_stays_one_where_that_is_asked_for(tmp_path):
     assert np.abs(open_photo(tmp_path / "b.jpg").pixels.astype(int) - photo.pixels).max() < 20
 
 
-# ------------------------------------------------------------------------------------------------------------------ EXR
-def light(*shape):
+def random_light(*shape):
     return np.random.default_rng(3).random(shape, np.float32) * 1.5
 
 
 def write_exr(path, channels, **header):
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | header, channels).write(
-        str(path)
-    )
+    OpenEXR.File({"compression": ZIP, "type": OpenEXR.scanlineimage} | header, channels).write(str(path))
 
 
 @pytest.mark.parametrize(
     ("channels", "kind", "compression"),
     [
-        ("RGB", np.float16, OpenEXR.ZIP_COMPRESSION),
-        ("RGB", np.float16, OpenEXR.DWAA_COMPRESSION),
-        ("RGB", np.float32, OpenEXR.ZIP_COMPRESSION),
-        ("RGB", np.float32, OpenEXR.DWAA_COMPRESSION),
-        ("RGBA", np.float32, OpenEXR.ZIP_COMPRESSION),
-        ("Y", np.float32, OpenEXR.ZIP_COMPRESSION),
+        *(("RGB", kind, compression) for kind in (np.float16, np.float32) for compression in (ZIP, DWAA)),
+        *((channels, np.float32, ZIP) for channels in ("RGBA", "Y")),
     ],
 )
-def test_linear_light_is_edited_straight_as_it_is_seen_and_keeps_its_depth(tmp_path, channels, kind, compression):
-    pixels = light(7, 5, len(channels)).astype(kind)
+def test_exr_is_edited_as_displayed_and_keeps_its_depth(tmp_path, channels, kind, compression):
+    pixels = random_light(7, 5, len(channels)).astype(kind)
     pixels[0, 0], pixels[0, 1], pixels[..., 3:] = np.inf, -0.5, 0.25
-    stored = {channels: pixels if len(channels) > 1 else pixels[..., 0], "Z": light(7, 5)}
+    stored = {channels: pixels if len(channels) > 1 else pixels[..., 0], "Z": random_light(7, 5)}
     write_exr(tmp_path / "a.exr", stored, compression=compression, owner="me")
     result, photo = edited_copy(tmp_path / "a.exr")
     written, before = OpenEXR.File(str(result)), photo.pixels
@@ -182,23 +176,19 @@ def test_linear_light_is_edited_straight_as_it_is_seen_and_keeps_its_depth(tmp_p
     again = written.channels()[channels].pixels
     assert set(written.channels()) == {channels, "Z"}
     assert again.dtype == kind and written.header()["owner"] == "me"
-    untouched = np.ones((7, 5), bool)
-    untouched[ROWS, COLUMNS] = False
-    assert again[untouched].tobytes() == before[untouched].tobytes()
+    assert again[UNEDITED].tobytes() == before[UNEDITED].tobytes()
     assert_array_equal(again[..., 3:], before[..., 3:])
     alpha = 0.25 if channels == "RGBA" else 1.0
     straight = before[ROWS, COLUMNS, :3].astype(float) / alpha
-    seen = np.clip(straight, 0, 1)
-    wish = srgb_to_linear(np.clip(linear_to_srgb(seen) + REDDER, 0, 1)) + straight - seen
-    assert_allclose(again[ROWS, COLUMNS, :3], wish * alpha, atol=2e-3 if kind == np.float16 else 1e-5)
+    displayed = np.clip(straight, 0, 1)
+    expected = srgb_to_linear(np.clip(linear_to_srgb(displayed) + REDDER, 0, 1)) + straight - displayed
+    assert_allclose(again[ROWS, COLUMNS, :3], expected * alpha, atol=2e-3 if kind == np.float16 else 1e-5)
     assert_array_equal(written.channels()["Z"].pixels, OpenEXR.File(str(photo.path)).channels()["Z"].pixels)
 
 
-def test_a_data_window_stays_where_it_is(tmp_path):
-    window = {"dataWindow": (np.array([1, 2], np.int32), np.array([7, 9], np.int32))}
-    shown = {"displayWindow": (np.array([0, 0], np.int32), np.array([9, 11], np.int32))}
-    pixels = light(8, 7, 3)
-    write_exr(tmp_path / "a.exr", {"RGB": pixels}, **window, **shown)
+def test_data_window_of_an_exr_is_kept(tmp_path):
+    pixels, (data, display) = random_light(8, 7, 3), np.int32([[[1, 2], [7, 9]], [[0, 0], [9, 11]]])
+    write_exr(tmp_path / "a.exr", {"RGB": pixels}, dataWindow=tuple(data), displayWindow=tuple(display))
     result, photo = edited_copy(tmp_path / "a.exr")
     assert photo.size == (10, 12)
     again = OpenEXR.File(str(result))
@@ -208,7 +198,7 @@ def test_a_data_window_stays_where_it_is(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["alpha.png", "deep.tif", "plain.jpg"])
-def test_a_reduced_photo_is_as_deep_and_no_photo_is_enlarged(tmp_path, name):
+def test_resizing_keeps_the_depth_and_never_enlarges(tmp_path, name):
     save_sample(tmp_path / name)
     photo = open_photo(tmp_path / name)
     small = photo.resized(4)
@@ -219,7 +209,7 @@ def test_a_reduced_photo_is_as_deep_and_no_photo_is_enlarged(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ["a.png", "missing.jpg"])
-def test_reading_is_refused_as_elsewhere(tmp_path, name):
+def test_unreadable_photos_are_rejected(tmp_path, name):
     (tmp_path / "a.png").write_bytes(b"no picture")
     with pytest.raises(DataError, match=name):
         open_photo(tmp_path / name)

@@ -1,4 +1,4 @@
-"""Gaussians carry objects and palette weights: an edit in their colors is what composited planes show."""
+"""Edits baked into Gaussians against composites of their planes, and edges, cutouts and the background."""
 
 from dataclasses import replace
 
@@ -25,6 +25,9 @@ from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 from karf_engine.splats.rasterizer import rasterize
 
+PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
+BLUE = Edit({"pot": np.float32([[0, 0, 0], [0, 0, 1], [1, 1, 1]])})
+
 
 @pytest.fixture(scope="module")
 def model(learned):
@@ -46,13 +49,12 @@ def green(model):
     return model.edit().becomes("ball", "#c0221a", "#1ec040")
 
 
-def shown(model, edit, camera):
+def render_baked(model, edit, camera):
     """The picture of the Gaussians in an edit's colors."""
     return rasterize(model.recolored_splats(edit), camera).image[..., :3].clip(0, 1)
 
 
-# ---------------------------------------------------------------------------------------------------------- the picture
-def test_a_camera_sees_the_scene_its_objects_and_its_depth(model, camera, frame):
+def test_splats_render_the_scene_its_objects_and_depth(model, camera, frame):
     truth = of_field(model).render(camera)
     assert psnr(frame.color, truth.color) > 20
     assert_allclose(frame.opacity.mean(), truth.opacity.mean(), atol=0.05)
@@ -64,7 +66,7 @@ def test_a_camera_sees_the_scene_its_objects_and_its_depth(model, camera, frame)
     assert (frame.palette_weights >= 0).all() and frame.probabilities.sum(0).max() <= 1 + 1e-5
 
 
-def test_the_field_is_shown_where_it_is_asked_for_or_numba_is_off(model, camera, monkeypatch):
+def test_field_renders_when_chosen_or_without_numba(model, camera, monkeypatch):
     field = of_field(model)
     found = field.render(camera)
     assert field.splats is None and model.splats is not None
@@ -78,18 +80,16 @@ def test_the_field_is_shown_where_it_is_asked_for_or_numba_is_off(model, camera,
     assert Model.load(model.project.folder, "cpu").splats is None
 
 
-def test_bands_of_large_pictures_fit_together_and_a_finer_picture_averages_to_the_plain_one(
-    model, camera, frame, monkeypatch
-):
-    bands_of = field_rendering.split_bands
-    monkeypatch.setattr(field_rendering, "split_bands", lambda camera, count: bands_of(camera, count, 64 * 16))
+def test_bands_join_and_supersampling_averages_to_the_plain_picture(model, camera, frame, monkeypatch):
+    split = field_rendering.split_bands
+    monkeypatch.setattr(field_rendering, "split_bands", lambda camera, count: split(camera, count, 64 * 16))
     parts = model.render(camera)
     for name in ("color", "opacity", "probabilities", "palette_weights"):
         assert_allclose(getattr(parts, name), getattr(frame, name), atol=5e-3, err_msg=name)
     assert psnr(frame.color, model.render(camera, 2).color) > 25
 
 
-def test_a_pixel_is_the_mean_of_its_rays_and_its_depth_that_of_one_of_them():
+def test_downsampling_averages_colors_and_picks_a_depth():
     depth = np.array([[2, 2, 0, 0, 0, 0], [2, 9, 0, 7, 0, 0]], np.float32)
     color = np.repeat(depth[..., None] / 10, 3, -1)
     picture = Picture(torch.tensor(color), torch.tensor((depth > 0).astype(np.float32)), torch.tensor(depth), None)
@@ -100,9 +100,8 @@ def test_a_pixel_is_the_mean_of_its_rays_and_its_depth_that_of_one_of_them():
     assert_allclose(small.depth, [[2, 7, 0]])
 
 
-# ---------------------------------------------------------------------------------------------------------------- edits
-def test_an_edit_in_the_colors_is_what_the_planes_composite(model, camera, frame, green):
-    planes, baked = model.composite(frame, green), shown(model, green, camera)
+def test_baked_edit_matches_composited_planes(model, camera, frame, green):
+    planes, baked = model.composite(frame, green), render_baked(model, green, camera)
     assert np.abs(planes - frame.color).max() > 0.3
     assert psnr(baked, planes) > 30 and np.abs(baked - planes).mean() < 0.01
     with pytest.raises(BadRequest, match="cannot be baked") as caught:
@@ -110,7 +109,7 @@ def test_an_edit_in_the_colors_is_what_the_planes_composite(model, camera, frame
     assert caught.value.hint
 
 
-def test_only_the_edited_object_changes(model, green):
+def test_baking_changes_only_the_edited_object(model, green):
     assert_array_equal(model.recolored_splats(model.edit()).table, model.splats.table)
     changed = (model.recolored_splats(green).table != model.splats.table).any(1)
     assert changed.any() and (model.splatted.shares[changed, model.objects.index("ball")] > 0).all()
@@ -119,7 +118,7 @@ def test_only_the_edited_object_changes(model, green):
     assert model.recolored_splats(green) is model.recolored_splats(green)  # the last edit is kept
 
 
-def test_shares_are_those_of_f_s_and_nothing_outside_its_boxes_or_behind(model):
+def test_shares_follow_f_s_and_vanish_outside_boxes_and_behind(model):
     table = model.splats.table.copy()
     table[::3, :3] += 5
     shares = shares_of_objects(replace(model.splats, table=table), model.segmentation, model.scene)
@@ -132,25 +131,22 @@ def test_shares_are_those_of_f_s_and_nothing_outside_its_boxes_or_behind(model):
     assert not shares_of_objects(behind, model.segmentation, model.scene).any()
 
 
-def test_an_added_color_moves_what_is_near_its_hue(model, camera, frame):
+def test_added_color_moves_nearby_hues(model, camera, frame):
     edit = model.edit()
     palette = next(each for each in model.palettes if each.name == "ball")
     sets = np.concatenate([edit.colors["ball"], palette.colors])
     added = {"ball": (AddedColor(np.float32([0.75, 0.13, 0.1])),)}
-    same = replace(edit, colors=edit.colors | {"ball": sets}, added=added)
+    same = replace(edit, colors=edit.colors | {"ball": sets.copy()}, added=added)
     assert_array_equal(model.recolored_splats(same).table, model.splats.table)
-    bluer = sets.copy()
-    bluer[len(palette.colors) :, 2] += 0.5
-    changed = replace(same, colors=edit.colors | {"ball": bluer})
-    baked = shown(model, changed, camera)
+    sets[len(palette.colors) :, 2] += 0.5
+    changed = replace(same, colors=edit.colors | {"ball": sets})
+    baked = render_baked(model, changed, camera)
     assert np.abs(baked - frame.color).max() > 0.1
     assert psnr(baked, model.composite(frame, changed)) > 25
 
 
-# ---------------------------------------------------------------------------------------------------------------- edges
-def test_a_choke_recolors_fewer_gaussians_growth_more_and_a_feather_leaves_some_between_both_colors(model, green):
-    edges = [(3, 0), (0, 0), (-3, 0), (0, 16)]
-    edits = [green, *(green.edge("ball", *edge) for edge in edges)]
+def test_choke_growth_and_feather_change_how_many_gaussians_recolor(model, green):
+    edits = [green, *(green.edge("ball", *edge) for edge in [(3, 0), (0, 0), (-3, 0), (0, 16)])]
     tables = [model.recolored_splats(edit).table for edit in edits]
     plain, choked, same, grown, soft = (np.abs(table - model.splats.table).sum(1) for table in tables)
     assert_array_equal(same, plain)
@@ -160,45 +156,34 @@ def test_a_choke_recolors_fewer_gaussians_growth_more_and_a_feather_leaves_some_
     assert ((share > 0.1) & (share < 0.9)).sum() > 20
 
 
-def test_any_cameras_picture_is_that_of_its_planes(model, camera, frame, green):
+def test_rendered_edit_matches_composited_planes_with_edges(model, camera, frame, green):
     edit = green.edge("ball", 2, 8)
-    off, plain = (
-        np.abs(model.render_recolored(camera, each) - model.composite(frame, each)).mean() for each in (edit, green)
-    )
+    off, plain = (np.abs(model.render_recolored(camera, e) - model.composite(frame, e)).mean() for e in (edit, green))
     assert off < 2 * plain + 1e-4
     assert np.abs(model.composite(frame, edit) - model.composite(frame, green)).max() > 0.05
 
 
-SPACING, DEPTH, FOCAL = 0.02, 4.0, 100.0
-
-
-def test_distances_are_those_to_the_border_whatever_a_stray_says_and_pixels_span_depth_over_focal_length():
-    """A floor of two units, in no grid: the points right of its middle are a rug's, but for one stray."""
-    steps = np.arange(-1, 1, SPACING)
-    places = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    places += np.random.default_rng(0).uniform(-0.3 * SPACING, 0.3 * SPACING, places.shape)
+def test_border_distances_ignore_strays_and_pixels_scale_with_depth():
+    """A floor of jittered points: those right of its middle are a rug's, except for a stray one."""
+    spacing, depth, focal = 0.02, 4.0, 100.0
+    places = np.stack(np.meshgrid(*[np.arange(-1, 1, spacing)] * 2), -1).reshape(-1, 2)
+    places += np.random.default_rng(0).uniform(-0.3 * spacing, 0.3 * spacing, places.shape)
     positions = np.column_stack([places, np.zeros(len(places))])
     is_rug = positions[:, 0] > 0
     stray = np.argmin(np.abs(places - (0.5, 0)).sum(1))
     is_rug[stray] = False
     pose = np.eye(4)
-    pose[2, 3] = DEPTH  # the camera looks down at the floor
-    views = [View("above", "above", Camera(64, 64, FOCAL, FOCAL, 32, 32, pose), None, "train")]
+    pose[2, 3] = depth  # the camera looks down at the floor
+    views = [View("above", "above", Camera(64, 64, focal, focal, 32, 32, pose), None, "train")]
     borders = measure_borders(positions, is_rug[:, None].astype(np.float32), np.ones(len(places), bool), views)
     off = borders.distances[:, 0] - positions[:, 0]
-    assert (np.abs(np.delete(off, stray)) < 1.5 * SPACING).all()
-    assert np.abs(off.mean()) < 0.5 * SPACING
-    assert borders.pixels[0] == pytest.approx(DEPTH / FOCAL, rel=1e-3)
-    assert borders.spacings[0] == pytest.approx(SPACING, rel=0.4)
+    assert (np.abs(np.delete(off, stray)) < 1.5 * spacing).all() and np.abs(off.mean()) < 0.5 * spacing
+    assert borders.pixels[0] == pytest.approx(depth / focal, rel=1e-3)
+    assert borders.spacings[0] == pytest.approx(spacing, rel=0.4)
 
 
-# ----------------------------------------------------------------------------------------------- colors of one Gaussian
-PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
-BLUE = Edit({"pot": np.float32([[0, 0, 0], [0, 0, 1], [1, 1, 1]])})
-
-
-def one(harmonics=0.0):
-    """One dark red Gaussian whose first harmonic reddens it to one side."""
+def gaussian(harmonics=0.0):
+    """A dark red Gaussian whose first harmonic reddens one side."""
     table = np.zeros((1, COLOR + 12), np.float32)
     table[0, LOG_SCALE:ROTATION], table[0, ROTATION], table[0, LOGIT] = -1, 1, 4
     table[0, COLOR : COLOR + 3] = (np.array([0.6, 0, 0]) - 0.5) / C0
@@ -206,30 +191,29 @@ def one(harmonics=0.0):
     return Gaussians(table, 0, (0, 0, 0), 0.1)
 
 
-def in_blue(gaussians, share=1.0):
+def bake_blue(gaussians, share=1.0):
     objects = splats_of_objects(gaussians, np.full((1, 1), share, np.float32), [PALETTE], {})
     return bake_edit(gaussians, objects, [PALETTE], BLUE).table[0]
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
-def test_a_color_moves_by_its_weights_and_its_share_and_shading_takes_the_new_hue_too(share):
-    plain, shaded = in_blue(one(), share), in_blue(one(0.2))
+def test_color_and_shading_move_by_weight_and_share(share):
+    plain, shaded = bake_blue(gaussian(), share), bake_blue(gaussian(0.2))
     assert_allclose(0.5 + C0 * plain[COLOR : COLOR + 3], [0.6 - share * 0.6, 0, share * 0.6], atol=1e-5)
     assert not plain[COLOR + 3 :].any()
     assert_allclose(shaded[COLOR + 3 : COLOR + 6], [0, 0, 0.2], atol=0.02)
 
 
-def test_an_object_without_gaussians_has_empty_planes(camera):
-    gaussians = one()
-    objects = splats_of_objects(gaussians, np.zeros((1, 1), np.float32), [PALETTE], {})
-    probabilities, weights = render_planes(rasterize(gaussians, camera), gaussians, objects)
+def test_object_without_gaussians_has_empty_planes(camera):
+    splats = gaussian()
+    objects = splats_of_objects(splats, np.zeros((1, 1), np.float32), [PALETTE], {})
+    probabilities, weights = render_planes(rasterize(splats, camera), splats, objects)
     assert probabilities.shape == (1, 64, 64) and weights.shape == (1, 3, 64, 64)
     assert not probabilities.any() and not weights.any()
 
 
-# --------------------------------------------------------------------------------------------------------------- behind
 @pytest.mark.parametrize("background", [0.0, 0.4, 1.0])
-def test_a_cut_out_gives_the_picture_again_on_its_background(background):
+def test_cutout_on_its_background_restores_the_picture(background):
     own, opacity = np.random.default_rng(0).random((4, 5, 3)), np.linspace(0, 1, 20).reshape(4, 5)
     behind = np.full((4, 5, 3), background)
     picture = own * opacity[..., None] + behind * (1 - opacity[..., None])
@@ -239,7 +223,7 @@ def test_a_cut_out_gives_the_picture_again_on_its_background(background):
     assert (cut[0, 0] == 0).all()
 
 
-def test_the_shell_is_behind_and_no_part_of_the_cut_out(model, camera, frame):
+def test_background_shell_stays_behind_the_cutout(model, camera, frame):
     blue = np.zeros((1, model.splats.table.shape[1]), np.float32)
     blue[0, :3] = camera.camera_to_world[:3, 3] - 40 * camera.camera_to_world[:3, 2]
     blue[0, LOG_SCALE:ROTATION], blue[0, ROTATION], blue[0, LOGIT] = np.log(60), 1, 9
@@ -247,9 +231,9 @@ def test_the_shell_is_behind_and_no_part_of_the_cut_out(model, camera, frame):
     table = np.concatenate([model.splats.table, blue])
     own = Model.load(model.project.folder, "cpu")
     own.splatted.gaussians = replace(model.splats, table=table, n_background=1, visibility=None)
-    before_blue = own.render(camera)
-    assert_allclose(before_blue.opacity, frame.opacity, atol=1e-4)
-    assert_allclose(before_blue.depth, frame.depth, atol=1e-3)
-    assert own.render_background(camera)[32, 32, 2] > 0.9 and before_blue.color[0, 0, 2] > 0.8
+    on_blue = own.render(camera)
+    assert_allclose(on_blue.opacity, frame.opacity, atol=1e-4)
+    assert_allclose(on_blue.depth, frame.depth, atol=1e-3)
+    assert own.render_background(camera)[32, 32, 2] > 0.9 and on_blue.color[0, 0, 2] > 0.8
     assert frame.opacity.min() < 0.01 and frame.opacity.max() > 0.99
     assert_array_equal(model.render_background(camera), np.zeros((64, 64, 3)))  # the capture's black

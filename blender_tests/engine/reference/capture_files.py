@@ -1,4 +1,4 @@
-"""Captures written in every format, straight from each format's description, and tiny photos to go with them."""
+"""Writers of captures in every format, following each format's description, with tiny photos."""
 
 import json
 import math
@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from karf_engine.capture.camera import Camera
 
@@ -21,7 +22,6 @@ COLMAP_MODELS = (
 COLMAP_IDS = {name: number for number, name in enumerate(COLMAP_MODELS.split())}
 
 
-# --------------------------------------------------------------------------------------------------------------- photos
 def png_bytes(width: int, height: int) -> bytes:
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -32,7 +32,7 @@ def png_bytes(width: int, height: int) -> bytes:
 
 
 def jpeg_head(width: int, height: int, orientation: int = 1) -> bytes:
-    """The head of a JPEG, up to its size."""
+    """The beginning of a JPEG, up to its size."""
     tiff = b"MM\0*" + struct.pack(">IH", 8, 1) + struct.pack(">HHIHH", 0x0112, 3, 1, orientation, 0)
     exif = b"Exif\0\0" + tiff
     frame = struct.pack(">BHHB", 8, height, width, 3) + b"\0" * 9
@@ -51,20 +51,19 @@ def put_json(path: Path, content) -> None:
 
 
 def put_photos(folder: Path, names, size=(8, 6)) -> None:
-    """Photos of these names, all of one size or of the cameras' sizes."""
+    """Write photos of these names, all of one size or of the cameras' sizes."""
     sizes = [(camera.width, camera.height) for camera in size] if isinstance(size, list) else [size] * len(names)
     for name, (width, height) in zip(names, sizes, strict=True):
         put(folder / name, png_bytes(width, height))
 
 
-# ----------------------------------------------------------------------------------------------------------------- rigs
 def random_rotation(random) -> np.ndarray:
     rotation, _ = np.linalg.qr(random.normal(size=(3, 3)))
     return rotation * np.sign(np.linalg.det(rotation))
 
 
 def random_rig(seed: int, count: int = 9, distortion=(), fisheye: bool = False) -> list[Camera]:
-    """Cameras of one lens (fx != fy, its center off the middle) at random poses."""
+    """Cameras at random poses with one lens, with fx != fy and an off-center principal point."""
     random = np.random.default_rng(seed)
     width, height = (int(n) for n in random.integers(4, 60, size=2))
     lens = (*random.uniform(20, 90, 2), *(random.uniform(0.3, 0.7, 2) * (width, height)))
@@ -77,22 +76,20 @@ def random_rig(seed: int, count: int = 9, distortion=(), fisheye: bool = False) 
 
 
 def centered(camera: Camera) -> Camera:
-    """What a format says that knows one focal length alone."""
+    """The camera as expressed by a format with only one focal length."""
     camera = camera.without_distortion()
     return replace(camera, fy=camera.fx, cx=camera.width / 2, cy=camera.height / 2)
 
 
-# -------------------------------------------------------------------------------------------------------------- writers
 def frames_of(names, cameras, **more) -> list[dict]:
     poses = [camera.camera_to_world.tolist() for camera in cameras]
     return [{"file_path": name, "transform_matrix": pose} | more for name, pose in zip(names, poses, strict=True)]
 
 
 def write_nerf_synthetic(folder: Path, cameras: list[Camera]) -> None:
-    """The layout of NeRF's Blender script; all but the first two cameras are train."""
+    """The layout of NeRF's Blender script; the first two cameras are val and test."""
     angle = 2 * math.atan(cameras[0].width / 2 / cameras[0].fx)
-    groups = {"train": cameras[2:], "val": cameras[:1], "test": cameras[1:2]}
-    for split, group in groups.items():
+    for split, group in {"train": cameras[2:], "val": cameras[:1], "test": cameras[1:2]}.items():
         names = [f"{split}/r_{number}" for number in range(len(group))]
         frames = frames_of([f"./{name}" for name in names], group, rotation=0.1)
         put_json(folder / f"transforms_{split}.json", {"camera_angle_x": angle, "frames": frames})
@@ -100,7 +97,7 @@ def write_nerf_synthetic(folder: Path, cameras: list[Camera]) -> None:
 
 
 def write_transforms(folder: Path, cameras: list[Camera], names: list[str]) -> None:
-    """The layout of nerfstudio: one lens for all."""
+    """The layout of nerfstudio with one lens."""
     first = cameras[0]
     keys = ("k1", "k2", "k3", "k4") if first.fisheye else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
     frames = frames_of([f"images/{name}" for name in names], cameras)
@@ -129,26 +126,12 @@ def write_llff(folder: Path, cameras: list[Camera], names: list[str], columns: i
     np.save(folder / "poses_bounds.npy", llff_table(cameras, columns))
     if columns == 14:
         first = cameras[0]
-        values = [first.height, first.width, first.fx, first.fy, first.cx, first.cy]
-        np.save(folder / "hwf_cxcy.npy", np.array(values).reshape(6, 1))
-
-
-def quaternion(rotation: np.ndarray) -> np.ndarray:
-    """(w, x, y, z) of a rotation matrix: the eigenvector of Bar-Itzhack's symmetric matrix."""
-    r = rotation
-    matrix = [
-        [r[0, 0] - r[1, 1] - r[2, 2], 0, 0, 0],
-        [r[1, 0] + r[0, 1], r[1, 1] - r[0, 0] - r[2, 2], 0, 0],
-        [r[2, 0] + r[0, 2], r[2, 1] + r[1, 2], r[2, 2] - r[0, 0] - r[1, 1], 0],
-        [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], r.trace()],
-    ]
-    _, vectors = np.linalg.eigh(np.array(matrix))
-    x, y, z, w = vectors[:, -1]
-    return np.array([w, x, y, z])
+        values = [[first.height], [first.width], [first.fx], [first.fy], [first.cx], [first.cy]]
+        np.save(folder / "hwf_cxcy.npy", np.array(values))
 
 
 class ColmapModel:
-    """A sparse model to be written: entries may be changed before, to damage it.
+    """A sparse model to write, after changing entries where damage is wanted.
 
     cameras: (id, model, width, height, parameters). images: (id, pose [7], camera id, name, features), where features
     are (x, y, point id or -1). points: (id, position, color, error, track), where a track is (image id, feature)s.
@@ -156,8 +139,7 @@ class ColmapModel:
 
     def __init__(self, cameras: list[Camera], names: list[str], seed: int = 0, one_lens: bool = True) -> None:
         random = np.random.default_rng(seed)
-        lenses = cameras[:1] if one_lens else cameras
-        self.cameras = [(7 + i, *self.lens(camera)) for i, camera in enumerate(lenses)]
+        self.cameras = [(7 + i, *self.lens(each)) for i, each in enumerate(cameras[:1] if one_lens else cameras)]
         self.points = [
             (40 - 3 * i, random.normal(size=3), random.integers(0, 256, 3).tolist(), float(random.uniform()), [])
             for i in range(6)
@@ -169,8 +151,7 @@ class ColmapModel:
                 point[4].append((100 - i, len(features)))
                 features.append((*random.uniform(0, camera.width, 2), point[0]))
             features.append((*random.uniform(0, camera.width, 2), -1))
-            lens = 7 if one_lens else 7 + i
-            self.images.append((100 - i, self.pose(camera), lens, name, features))
+            self.images.append((100 - i, self.pose(camera), 7 if one_lens else 7 + i, name, features))
 
     @staticmethod
     def lens(camera: Camera) -> tuple:
@@ -185,11 +166,12 @@ class ColmapModel:
     @staticmethod
     def pose(camera: Camera) -> np.ndarray:
         rotation = RIGHT_DOWN_FORWARD @ camera.camera_to_world[:3, :3].T
-        return np.array([*quaternion(rotation), *(-rotation @ camera.camera_to_world[:3, 3])])
+        x, y, z, w = Rotation.from_matrix(rotation).as_quat()
+        return np.array([w, x, y, z, *(-rotation @ camera.camera_to_world[:3, 3])])
 
     def write(self, folder: Path, suffix: str = ".bin") -> None:
+        kind = "binary" if suffix == ".bin" else "text"
         for table in ("cameras", "images", "points3D"):
-            kind = "binary" if suffix == ".bin" else "text"
             put(folder / f"{table}{suffix}", getattr(self, f"{table}_{kind}")())
 
     def cameras_binary(self) -> bytes:
@@ -230,8 +212,7 @@ class ColmapModel:
 
 
 def _text(title: str, rows) -> bytes:
-    lines = [f"# {title}\n", *(" ".join(map(str, row)) + "\n" for row in rows)]
-    return "".join(lines).encode()
+    return "".join([f"# {title}\n", *(" ".join(map(str, row)) + "\n" for row in rows)]).encode()
 
 
 def write_colmap(folder: Path, cameras: list[Camera], names: list[str], suffix: str = ".bin", **options) -> ColmapModel:

@@ -1,4 +1,4 @@
-"""Small networks as other programs store them, and what a hostile file would do."""
+"""Small networks as other programs store them, and a malicious pickle."""
 
 import os
 import pickle
@@ -27,9 +27,8 @@ def vanilla_state(seed, width=12):
 
 
 def bmild_arrays(state):
-    """Kernels [in, out] and biases in bmild/nerf's order, of a state dictionary in nerf-pytorch's naming."""
-    depth = sum(name.startswith("pts_linears.") for name in state) // 2
-    names = [f"pts_linears.{layer}" for layer in range(depth)]
+    """Kernels [in, out] and biases in bmild/nerf's order, from a state dictionary with nerf-pytorch's names."""
+    names = [f"pts_linears.{layer}" for layer in range(sum(name.startswith("pts_linears.") for name in state) // 2)]
     arrays = []
     for name in [*names, "feature_linear", "views_linears.0", "rgb_linear", "alpha_linear"]:
         arrays += [state[f"{name}.weight"].numpy().T.copy(), state[f"{name}.bias"].numpy()]
@@ -37,19 +36,19 @@ def bmild_arrays(state):
 
 
 def write_arrays(path, arrays, protocol=None):
-    """As np.save does with a list of arrays of different shapes."""
+    """Write arrays of different shapes as np.save does."""
     stacked = np.empty(len(arrays), object)
     stacked[:] = arrays
     if protocol is None:
         np.save(path, stacked, allow_pickle=True)
         return
-    with path.open("wb") as file:  # as numpy before 1.17, under its old module names
+    with path.open("wb") as file:  # like numpy before 1.17, with its old module names
         np.lib.format.write_array_header_1_0(file, {"descr": "|O", "fortran_order": False, "shape": stacked.shape})
         file.write(pickle.dumps(stacked, protocol).replace(b"numpy._core.multiarray", b"numpy.core.multiarray"))
 
 
 class Trap:
-    """Makes a folder when it is unpickled."""
+    """Creates a folder when it is unpickled."""
 
     def __init__(self, folder):
         self.folder = folder

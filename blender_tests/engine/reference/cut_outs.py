@@ -1,6 +1,4 @@
-"""Painted scenes whose coverage is known: shapes drawn many times larger than the photo, mixed in linear light."""
-
-from __future__ import annotations
+"""Painted scenes with known coverage: shapes drawn at a multiple of the photo's size, mixed in linear light."""
 
 from dataclasses import dataclass
 
@@ -14,7 +12,7 @@ FINE = 8  # sub-pixels along a side of a photo's pixel
 
 @dataclass(frozen=True)
 class CutOut:
-    """A photo, the true coverage of its objects, and what a field of a smaller size says."""
+    """A photo, the true coverage of its objects, and the prediction of a smaller field."""
 
     photo: np.ndarray  # uint8 [H, W, 3]
     coverage: np.ndarray  # [K, H, W] in [0, 1]
@@ -26,7 +24,7 @@ def paint(
     shapes: list[np.ndarray],  # bool [H * FINE, W * FINE], where each object is
     colors: list[tuple[int, int, int]],  # of each object, sRGB of 255
     behind: np.ndarray,  # uint8 [H, W, 3]
-    field: list[np.ndarray],  # the same shapes as the field has learned them, which may lack parts
+    field: list[np.ndarray],  # the shapes as the field learned them, perhaps with parts missing
     size: int,  # height and width of the field's picture
 ) -> CutOut:
     """A photo of objects that do not overlap."""
@@ -41,7 +39,7 @@ def paint(
 
 
 def canvas(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows of the sub-pixels of a photo of this size, in its pixels."""
+    """Columns and rows of the sub-pixels of a photo of this size, in units of pixels."""
     rows, columns = (np.indices((size * FINE, size * FINE)) + 0.5) / FINE
     return columns, rows
 

@@ -1,4 +1,4 @@
-"""NeRF written down once more, plainly, in float64: networks as their papers and programs have them, one ray at a time."""
+"""Reference NeRF in plain float64: networks as in their papers and programs, one ray at a time."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def relu(x):
 
 
 def vanilla(state, x, d, octaves):
-    """nerf-pytorch's network: raw density, features and color at one position seen along one direction."""
+    """nerf-pytorch's network: raw density, features and color at one position and direction."""
     gamma_x, gamma_d = encoded(x, octaves[0]), encoded(d, octaves[1])
     h = gamma_x
     for layer in range(8):
@@ -62,7 +62,7 @@ def composited(raw, colors, t, length, ground):
 
 
 def fine_t(t, weights, n_fine):
-    """Coarse samples and the inverse distribution function of their weights at evenly spread shares, sorted."""
+    """Coarse samples and evenly spaced quantiles of their weights, sorted."""
     edges = (t[1:] + t[:-1]) / 2
     density = weights[1:-1] + 1e-5
     cdf = np.concatenate([[0], np.cumsum(density / density.sum())])
@@ -71,5 +71,4 @@ def fine_t(t, weights, n_fine):
 
 def still_life(count=20, size=32, sky=False):
     photos = [take_photo(camera, sky) for camera in cameras(count, size)]
-    views = [View(f"v{n}", f"v{n}", photo.camera, None, "train") for n, photo in enumerate(photos)]
-    return views, photos
+    return [View(f"v{n}", f"v{n}", photo.camera, None, "train") for n, photo in enumerate(photos)], photos

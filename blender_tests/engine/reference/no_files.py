@@ -1,4 +1,4 @@
-"""What can lie in the place of a file and is none: each makes it at a path. Windows has folders alone."""
+"""Makers of things that are not files (on Windows only folders), each called with a path."""
 
 import os
 

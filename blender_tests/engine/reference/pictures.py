@@ -1,4 +1,4 @@
-"""Pictures to test with, and views that show them."""
+"""Random pictures, and views of them."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ def random_bytes(*shape: int) -> np.ndarray:
 
 
 def view_of(path: Path, pixels: np.ndarray, distortion=(), size=None) -> View:
-    """The view whose photo has these pixels, which are written; size: its camera's, where it is another."""
+    """Write a photo of these pixels and return its view; `size` is the camera's where it differs."""
     write_png(path, pixels)
     width, height = size or pixels.shape[1::-1]
     return View(path.stem, path.stem, Camera(width, height, 20.0, 22.0, 9.0, 6.0, np.eye(4), distortion), path, "train")

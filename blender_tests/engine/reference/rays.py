@@ -1,4 +1,4 @@
-"""Ray-by-ray twins of the packed renderer: Python loops in float64, as the formulas are written."""
+"""Reference renderer: the formulas as float64 Python loops, ray by ray."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def composite(sigmas, deltas, ray_indices, n_rays):
-    """Paper Eq. 8, one sample after the other: transmittance [S], ray_weights [S], final transmittance [R]."""
+    """Paper Eq. 8, sample by sample: transmittance [S], ray_weights [S], final transmittance [R]."""
     light = np.ones(n_rays)
     transmittance, ray_weights = np.zeros(len(sigmas)), np.zeros(len(sigmas))
     for i, ray in enumerate(ray_indices):
@@ -18,7 +18,7 @@ def composite(sigmas, deltas, ray_indices, n_rays):
 
 
 def march_one(origin, viewdir, minimum, voxel, occupied, step, offset):
-    """Every step of one ray through the box: distances [n], whether the cell is occupied [n], distance to a face [n].
+    """The steps of one ray through the box: distances [n], whether the cell is occupied [n], distance to a face [n].
 
     The steps begin where the ray enters the box (or at the origin inside it) and end where it leaves.
     """
@@ -29,9 +29,7 @@ def march_one(origin, viewdir, minimum, voxel, occupied, step, offset):
             if not minimum[axis] <= origin[axis] <= maximum[axis]:
                 far = -1.0
             continue
-        crossings = sorted(
-            ((minimum[axis] - origin[axis]) / viewdir[axis], (maximum[axis] - origin[axis]) / viewdir[axis])
-        )
+        crossings = sorted((bound[axis] - origin[axis]) / viewdir[axis] for bound in (minimum, maximum))
         near, far = max(near, crossings[0]), min(far, crossings[1])
     distances, inside, clearance = [], [], []
     for number in range(10_000):

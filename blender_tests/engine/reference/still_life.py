@@ -1,4 +1,4 @@
-"""A still life whose truth is known: a red ball and a blue block on a gray slab, ray-cast in closed form.
+"""A still life with known ground truth: a red ball and a blue block on a gray slab, ray-cast in closed form.
 
 World: z up, everything within 1.1 of the origin. Matte shading by one lamp. Labels: 0 slab and background, 1 ball,
 2 block.
@@ -40,12 +40,12 @@ def camera_at(azimuth: float, elevation: float, size: int = 32, distance: float 
 
 
 def cameras(count: int, size: int = 32) -> list[Camera]:
-    """Cameras all around, in three heights."""
+    """Cameras all around at three heights."""
     return [camera_at(2 * np.pi * i / count, (0.35, 0.75, 1.1)[i % 3], size) for i in range(count)]
 
 
 def take_photo(camera: Camera, sky: bool = False) -> Photo:
-    """Photograph the still life; `sky` puts a gradient of direction behind it, and alpha is 1 everywhere."""
+    """Photograph the still life; with `sky` its background is a gradient and alpha is 1 everywhere."""
     offsets = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS - 0.5
     color, alpha = np.zeros((camera.height * camera.width, 3)), np.zeros(camera.height * camera.width)
     for dx in offsets:
@@ -96,7 +96,7 @@ def _hit_box(origins, directions, low, high) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_capture(folder: Path, n_train: int = 16, n_test: int = 2, size: int = 32) -> dict[str, Photo]:
-    """Write a NeRF-synthetic capture on black, photos r_0.. of each split; returns the photos as split/stem."""
+    """Write a NeRF-synthetic capture on black with photos r_0.. of each split; returns the photos by split/stem."""
     from karf_engine.io.images import write_png
 
     photos = {f"train/r_{i}": take_photo(camera) for i, camera in enumerate(cameras(n_train, size))}
@@ -105,17 +105,15 @@ def write_capture(folder: Path, n_train: int = 16, n_test: int = 2, size: int = 
     for name, photo in photos.items():
         write_png(folder / f"{name}.png", photo.color)
     for split in ("train", "test"):
-        own = {name: photo for name, photo in photos.items() if name.startswith(split)}
-        frames = [
-            {"file_path": f"./{name}", "transform_matrix": p.camera.camera_to_world.tolist()} for name, p in own.items()
-        ]
+        poses = {name: photo.camera.camera_to_world for name, photo in photos.items() if name.startswith(split)}
+        frames = [{"file_path": f"./{name}", "transform_matrix": pose.tolist()} for name, pose in poses.items()]
         content = {"camera_angle_x": 2 * np.arctan(0.5 / 1.35), "frames": frames}
         (folder / f"transforms_{split}.json").write_text(json.dumps(content))
     return photos
 
 
 def write_masks(folder: Path, photos: dict[str, Photo], stems=("r_0", "r_8")) -> None:
-    """Write rough masks MASKS/{ball,block}/<stem>.png of training photos: the truth, grown by a pixel on one side."""
+    """Write rough masks {ball,block}/<stem>.png of training photos: the truth, grown by a pixel on one side."""
     from karf_engine.io.images import write_png
 
     for stem in stems:

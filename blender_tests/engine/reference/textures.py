@@ -1,4 +1,4 @@
-"""Pictures that optical flow can follow."""
+"""A texture for testing optical flow."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What segmentation is given of a learned scene: its surface in points, and a report of what came out."""
+"""Surface points, view choice and the segmentation report of a learned scene."""
 
 import json
 import shutil
@@ -20,6 +20,8 @@ from karf_engine.segmentation.report import SegmentationReport, Suggestions
 from karf_engine.segmentation.surface_points import surface_points
 from karf_engine.segmentation.views import cache_views, farthest_point_views, load_masked_views
 
+KEYS = "objects precision iou_with_marks views marked surface_points suggestions any_view_helps".split()
+
 
 @pytest.fixture(scope="module")
 def project(learned):
@@ -31,7 +33,7 @@ def capture(project):
     return capture_from_json(read_json(project.capture_file, "capture"), project.capture_file)
 
 
-def test_the_surface_has_no_more_points_than_rays_can_fill(project, capture, monkeypatch):
+def test_surface_points_are_limited_by_a_coarser_spacing(project, capture, monkeypatch):
     settings = from_dict(project.state()["settings"])
     field, masks = load_scene(project.geometry_file).field, find_masks(project.masks_folder, capture)
     views = load_masked_views(masks, capture.split("train"), settings.geometry.long_side, settings.segmentation)
@@ -45,7 +47,7 @@ def test_the_surface_has_no_more_points_than_rays_can_fill(project, capture, mon
     assert len(fine) / 6 < len(coarse) < len(fine) / 2
 
 
-def test_views_are_those_asked_for_and_then_the_farthest(capture):
+def test_views_are_the_given_ones_then_the_farthest(capture):
     first, line = capture.split("train")[0], []
     for x in (0.0, 1.0, 2.0, 5.0):
         pose = first.camera.camera_to_world.copy()
@@ -56,7 +58,7 @@ def test_views_are_those_asked_for_and_then_the_farthest(capture):
     assert len(farthest_point_views(line, [], 9)) == 4
 
 
-def test_a_report_is_read_as_it_was_written_and_suggests_unmarked_views_the_best_first(project, tmp_path):
+def test_report_round_trips_and_ranks_unmarked_views(project, tmp_path):
     report = SegmentationReport.read(project.segmentation_report)
     assert set(report.masked_views) < set(report.views) and report.objects == ["ball", "block"]
     scores = report.suggestions.scores
@@ -65,28 +67,25 @@ def test_a_report_is_read_as_it_was_written_and_suggests_unmarked_views_the_best
     report.write(tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == project.segmentation_report.read_bytes()
     content = json.loads(project.segmentation_report.read_text())
-    del content["suggestions"], content["any_view_helps"]  # which older reports do not have
+    del content["suggestions"], content["any_view_helps"]  # as in older reports
     (tmp_path / "older.json").write_text(json.dumps(content))
     assert SegmentationReport.read(tmp_path / "older.json").suggestions == Suggestions({}, any_view_helps=False)
 
 
-def test_that_any_view_helps_is_said_beside_the_views(learned, tmp_path, capsys):
+def test_suggestions_say_whether_any_view_helps(learned, tmp_path, capsys):
     project = Project(shutil.copytree(learned.project, tmp_path / "project"))
     written = read_json(project.segmentation_report, "report")
     for any_view_helps in (True, False):
         write_json(project.segmentation_report, written | {"any_view_helps": any_view_helps})
         assert main(["segmentation", str(project.folder), "--suggest"]) == 0
-        said = capsys.readouterr().out
-        assert next(iter(written["suggestions"])) in said
-        assert ("Any view helps about as much." in said) == any_view_helps
+        output = capsys.readouterr().out
+        assert next(iter(written["suggestions"])) in output
+        assert ("Any view helps about as much." in output) == any_view_helps
 
 
-@pytest.mark.parametrize(
-    "key",
-    ["objects", "precision", "iou_with_marks", "views", "marked", "surface_points", "suggestions", "any_view_helps"],
-)
+@pytest.mark.parametrize("key", KEYS)
 @pytest.mark.parametrize("value", [None, -3, "ball", [{}], {"ball": float("nan")}, {"ball": 2, "block": 0.5}])
-def test_a_report_of_other_values_is_refused_in_a_sentence(project, tmp_path, key, value):
+def test_report_with_wrong_values_is_rejected(project, tmp_path, key, value):
     path = tmp_path / "segmentation.json"
     path.write_text(json.dumps(json.loads(project.segmentation_report.read_text()) | {key: value}))
     with pytest.raises(DataError) as caught:

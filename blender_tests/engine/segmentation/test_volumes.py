@@ -18,7 +18,7 @@ CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [0, 0, 2]])
 POINTS = torch.tensor([[2.5, 0.0, 0.0], [0.3, 0.3, 0.3], [9.0, 9.0, 9.0]])
 
 
-def test_volumes_are_read_as_they_were_written(tmp_path):
+def test_volumes_round_trip(tmp_path):
     path, mesh = tmp_path / "volumes.json", Volume("outside", None, CORNERS, np.array([[0, 1, 2]]))
     assert read_volumes(path) == {}
     write_volumes(path, {"pot": [Volume("inside", MOVED)], "lid": [mesh]})
@@ -28,7 +28,7 @@ def test_volumes_are_read_as_they_were_written(tmp_path):
     assert [read[name][0].kind for name in ("pot", "lid")] == ["inside", "outside"]
 
 
-def test_an_object_is_inside_its_boxes_and_outside_of_its_meshes_and_others_are_left_alone():
+def test_volumes_bound_their_object_and_no_other():
     volumes = {"pot": [Volume("inside", MOVED), Volume("outside", None, CORNERS)], "gone": [Volume("inside", MOVED)]}
     allowed = Volumes.from_objects(volumes, ["lid", "pot"])(POINTS, 2)
     assert allowed[:, 1].tolist() == [True, False, False]
@@ -49,7 +49,7 @@ def bounded():
     return SegmentationField(boxes, 4, SegmentationSettings(width=8), volumes, space).requires_grad_(False)
 
 
-def test_an_object_has_no_probability_where_its_volumes_do_not_let_it_be(bounded):
+def test_probability_is_zero_outside_the_volumes(bounded):
     grid = (torch.rand(500, 3) * 8 - 4) * 0.5
     world = grid / 0.5
     within = ((world[:, 0] > -1) & (world[:, 0] < 3) & (world[:, 1:].abs() < 1).all(1)).tolist()
@@ -60,7 +60,7 @@ def test_an_object_has_no_probability_where_its_volumes_do_not_let_it_be(bounded
     torch.testing.assert_close(probabilities.sum(1), torch.ones(500))
 
 
-def test_volumes_are_kept_with_f_s_and_those_of_no_object_are_named_with_their_file(bounded, tmp_path):
+def test_volumes_are_saved_with_f_s_and_unknown_objects_are_rejected(bounded, tmp_path):
     path, positions, features = tmp_path / "f_s.safetensors", torch.rand(50, 3) * 2 - 1, torch.zeros(50, 4)
     save_segmentation(path, bounded, ["lid", "pot"], SegmentationSettings(width=8))
     again, _ = load_segmentation(path, 4, space=bounded.space)
@@ -71,17 +71,9 @@ def test_volumes_are_kept_with_f_s_and_those_of_no_object_are_named_with_their_f
         load_segmentation(path, 4)
 
 
-@pytest.mark.parametrize(
-    "entry",
-    [
-        {"kind": "near"},
-        {"kind": "inside"},
-        {"kind": "inside", "matrix": [[0] * 4] * 4},
-        {"kind": "inside", "matrix": 3},
-    ],
-)
-def test_what_is_no_volume_is_named_with_its_file(tmp_path, entry):
+@pytest.mark.parametrize("entry", [{"kind": "near"}, {}, {"matrix": [[0] * 4] * 4}, {"matrix": 3}])
+def test_malformed_volumes_are_rejected(tmp_path, entry):
     path = tmp_path / "volumes.json"
-    path.write_text(json.dumps({"schema": "karf-volumes/1", "objects": {"pot": [entry]}}))
+    path.write_text(json.dumps({"schema": "karf-volumes/1", "objects": {"pot": [{"kind": "inside"} | entry]}}))
     with pytest.raises(DataError, match=r"volumes\.json"):
         read_volumes(path)

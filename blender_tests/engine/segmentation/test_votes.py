@@ -1,4 +1,4 @@
-"""What masks say: votes, confidence and their sums on points, and how unsure labels are, by hand."""
+"""Votes of masks on points, their confidence, and the uncertainty of labels."""
 
 import numpy as np
 import pytest
@@ -22,14 +22,14 @@ def box(rows, columns):
 BODY = box(slice(50, 150), slice(50, 150))
 
 
-def test_a_pixel_votes_for_its_objects_and_outside_for_everything_without_a_mask():
+def test_pixel_votes_for_its_objects_or_for_unmasked_classes():
     targets = mask_targets({1: mask_of("#.."), 3: mask_of(".#.")}, 4)
     # object 2 has no mask in this view: it may be what is seen outside
     assert_allclose(targets[0], [[0, 1, 0, 0], [0, 0, 0, 1], [0.5, 0, 0.5, 0]])
     assert_allclose(mask_targets({1: mask_of("##"), 2: mask_of(".#")}, 3)[0], [[0, 1, 0], [0, 0.5, 0.5]])
 
 
-def test_confidence_grows_from_the_border_and_is_whole_far_from_it():
+def test_confidence_grows_with_distance_from_the_border():
     confidence = mask_confidence({1: BODY})
     # the band is 6 pixels wide at 200 pixels of height
     assert_allclose(confidence[100, 44:56], np.r_[np.arange(6, 0, -1), np.arange(1, 7)] / 6)
@@ -39,7 +39,7 @@ def test_confidence_grows_from_the_border_and_is_whole_far_from_it():
         assert (mask_confidence({1: np.full((4, 6), fill)}) == 1).all()
 
 
-def test_the_middle_of_small_masks_and_of_thin_handles_counts_nevertheless():
+def test_middles_of_small_and_thin_masks_keep_confidence():
     assert mask_confidence({1: box(slice(100, 105), slice(100, 105))})[102, 102] == 1
     handle = box(slice(99, 102), slice(150, 190))  # three pixels wide: it never leaves the band along the border
     confidence = mask_confidence({1: BODY | handle})
@@ -47,7 +47,7 @@ def test_the_middle_of_small_masks_and_of_thin_handles_counts_nevertheless():
     assert_allclose(confidence[70, 144:156], mask_confidence({1: BODY})[70, 144:156])
 
 
-def test_votes_of_rays_are_summed_on_the_points_of_their_samples():
+def test_votes_of_rays_are_averaged_on_their_points():
     point_of_sample = np.array([[0, 0], [0, 1], [1, 1]])
     targets = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
     votes, confidence = vote_on_points(point_of_sample, targets, np.array([1.0, 0.5, 0.0]), 3)
@@ -56,11 +56,11 @@ def test_votes_of_rays_are_summed_on_the_points_of_their_samples():
     assert_allclose(votes, [[0.8, 0.2], [0, 1], [0.5, 0.5]])
 
 
-def test_merging_agrees_with_a_loop_over_cells():
+def test_merged_samples_agree_with_a_loop_over_cells():
     random = np.random.default_rng(0)
     positions, lab = random.uniform(-2, 3, (200, 3, 3)), random.uniform(0, 100, (200, 3))
     confidence = random.uniform(0.1, 1, 200)
-    positions[-1], confidence[-1] = 9, 0  # a point alone of which masks say nothing
+    positions[-1], confidence[-1] = 9, 0  # an isolated sample without a vote
     points = merge_samples(positions, lab, confidence, spacing=0.6)
     point = points.point_of_sample.ravel()
     flat, color, weight = positions.reshape(-1, 3), np.repeat(lab, 3, 0), np.repeat(confidence, 3)
@@ -74,8 +74,7 @@ def test_merging_agrees_with_a_loop_over_cells():
         assert_allclose(points.lab[number], np.average(color[own], 0, own_weight), atol=1e-9)
 
 
-# --------------------------------------------------------------------------------------------------------------- doubts
-def test_a_label_is_doubted_as_far_as_opinions_contradict_it():
+def test_doubt_measures_how_opinions_contradict_labels():
     probabilities, opinion = np.array([[0.1, 0.9], [0.9, 0.1]]), np.array([[0.4, 0.6], [0.75, 0.25]])
     assert_allclose(Labels(probabilities, np.ones(1), opinion).doubt, [[0.4], [0.25]])
     sentence = ObjectDoubt(0.12, 0.9).sentence("mug")
@@ -83,7 +82,7 @@ def test_a_label_is_doubted_as_far_as_opinions_contradict_it():
     assert "masks and colors contradict each other" in ObjectDoubt(0.12, 0.1).sentence("mug")
 
 
-def test_doubts_are_those_of_the_nearest_point_and_survive_their_file(tmp_path):
+def test_doubts_come_from_the_nearest_point_and_round_trip(tmp_path):
     positions, doubts = np.array([[0, 0, 0], [1, 0, 0]], np.float32), np.array([[255, 0], [0, 51]], np.uint8)
     SurfaceUncertainty(["mug", "pot"], positions, doubts).write(tmp_path / "doubts.npz")
     found = SurfaceUncertainty.read(tmp_path / "doubts.npz")
@@ -92,7 +91,7 @@ def test_doubts_are_those_of_the_nearest_point_and_survive_their_file(tmp_path):
 
 
 @pytest.mark.parametrize("doubts", [np.zeros((2, 2), np.uint8), np.zeros((3, 1), np.uint8), np.zeros((2, 1))])
-def test_a_file_of_other_shapes_or_types_is_refused(tmp_path, doubts):
+def test_doubts_of_wrong_shape_or_type_are_rejected(tmp_path, doubts):
     path = tmp_path / "doubts.npz"
     SurfaceUncertainty(["mug"], np.zeros((2, 3), np.float32), doubts).write(path)
     with pytest.raises(DataError, match="doubts"):

@@ -1,4 +1,4 @@
-"""Clouds of Gaussians before a camera, and tables of single ones."""
+"""Random clouds and single Gaussians in front of a camera."""
 
 import numpy as np
 
@@ -17,14 +17,14 @@ BACKGROUND, NEAR = (0.2, 0.5, 0.9), 0.2
 
 
 def camera_ahead(width: int = 40, height: int = 36, focal: float = 50.0) -> Camera:
-    """A camera four units up the z axis, which looks down it."""
+    """A camera four units up the z axis that looks down it."""
     pose = np.eye(4)
     pose[2, 3] = 4
     return Camera(width, height, focal, focal, width / 2, height / 2, pose)
 
 
 def cloud(count: int = 60, degree: int = 3, seed: int = 0) -> np.ndarray:
-    """A table of Gaussians of all shapes and opacities round the origin, float32."""
+    """A float32 table of Gaussians of all shapes and opacities around the origin."""
     random = np.random.default_rng(seed)
     table = np.empty((count, COLOR + 3 * (degree + 1) ** 2), np.float32)
     table[:, GROUPS["center"]] = random.uniform(-1, 1, (count, 3))
@@ -36,7 +36,7 @@ def cloud(count: int = 60, degree: int = 3, seed: int = 0) -> np.ndarray:
 
 
 def ball(center=(0.0, 0.0, 0.0), size=0.2, opacity=0.9, color=(1.0, 0.5, 0.25), degree: int = 0) -> np.ndarray:
-    """A row of the table: one round Gaussian."""
+    """A table row with one round Gaussian."""
     row = np.zeros(COLOR + 3 * (degree + 1) ** 2, np.float32)
     row[GROUPS["center"]], row[GROUPS["scales"]], row[ROTATION] = center, np.log(size), 1
     row[LOGIT] = np.log(opacity / (1 - opacity))

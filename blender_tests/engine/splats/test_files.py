@@ -1,4 +1,4 @@
-"""Learned Gaussians on disk: what is written is read again; what is damaged or made up is refused in a sentence."""
+"""Learned Gaussians on disk: exact round trips, and rejection of damaged files."""
 
 import json
 from dataclasses import replace
@@ -21,14 +21,14 @@ from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, PLAIN_FILTER
 from karf_engine.splats.rasterizer import rasterize
 
 FACTS = {"n_behind": 7, "background": list(BACKGROUND), "near": NEAR}
-LOOKS = np.random.default_rng(0).random((30, 5), np.float32)
+SEEN = np.random.default_rng(0).random((30, 5), np.float32)
 
 
 def gaussians(degree=2, **more):
     return Gaussians(cloud(30, degree), 7, BACKGROUND, NEAR, **more)
 
 
-def refused(path):
+def assert_rejected(path):
     with pytest.raises(DataError, match=r"splats\.safetensors") as caught:
         load_gaussians(path)
     assert caught.value.hint and len(caught.value.sentence) < 1000
@@ -40,28 +40,28 @@ def path(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("written", "version"),
+    ("saved", "version"),
     [
         *((gaussians(degree), 1) for degree in range(4)),
-        (gaussians(visibility=LOOKS), 1),
+        (gaussians(visibility=SEEN), 1),
         (gaussians(screen_filter=PLAIN_FILTER), 2),
         (gaussians(screen_filter=ANTIALIASED_FILTER), 2),
     ],
-    ids=["degree 0", "degree 1", "degree 2", "degree 3", "looks", "plain", "antialiased"],
+    ids=["degree 0", "degree 1", "degree 2", "degree 3", "visibility", "plain", "antialiased"],
 )
-def test_saved_gaussians_are_read_bit_by_bit(path, written, version):
-    save_gaussians(written, path)
+def test_saved_gaussians_are_read_back_exactly(path, saved, version):
+    save_gaussians(saved, path)
     found = load_gaussians(path)
-    assert_array_equal(found.table, written.table)
-    assert_array_equal(found.visibility, written.visibility)
-    assert found == replace(written, table=found.table, visibility=found.visibility)
+    assert_array_equal(found.table, saved.table)
+    assert_array_equal(found.visibility, saved.visibility)
+    assert found == replace(saved, table=found.table, visibility=found.visibility)
     assert (found.n_foreground, len(found), 11 + 3 * (found.degree + 1) ** 2) == (23, *found.table.shape)
     with safe_open(path, "pt") as stored:
         metadata = json.loads(stored.metadata()["karf"])
-    assert metadata["schema"] == f"karf-splats/{version}", "older engines would take the filter for their own"
+    assert metadata["schema"] == f"karf-splats/{version}", "older engines would apply their own filter"
     assert version == 2 or metadata["facts"] == FACTS
     before = path.read_bytes()
-    save_gaussians(written, path)
+    save_gaussians(saved, path)
     assert path.read_bytes() == before
 
 
@@ -71,7 +71,7 @@ TABLES = {
     **{f"{width} columns": torch.zeros(30, width) for width in (11, 13, 17, 11 + 3 * 25)},
     "double precision": torch.zeros(30, 14, dtype=torch.float64),
     "whole numbers": torch.zeros(30, 14, dtype=torch.int32),
-    "fewer than are behind": torch.zeros(6, 14),
+    "fewer rows than background": torch.zeros(6, 14),
 }
 WRONG_FACTS = [
     *({"n_behind": value} for value in (-1, 31, 2.5, None)),
@@ -86,28 +86,27 @@ DAMAGES = [
     {"schema": "karf-splats/9"},
     {"tensors": {"tables": torch.from_numpy(cloud(30, 2))}},
 ]
-IDS = [*TABLES, *map(str, WRONG_FACTS), *(f"no {name}" for name in FACTS), "schema", "name of the tensor"]
+IDS = [*TABLES, *map(str, WRONG_FACTS), *(f"no {name}" for name in FACTS), "schema", "tensor name"]
 
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=IDS)
-def test_invalid_contents_are_refused(path, damage):
+def test_invalid_contents_are_rejected(path, damage):
     header = {"schema": damage.get("schema", SCHEMA), "facts": damage.get("facts", FACTS)}
     text = json.dumps(header).replace("Infinity", "1e999")
     save_file(damage.get("tensors", {"table": torch.from_numpy(cloud(30, 2))}), path, {"karf": text})
-    refused(path)
+    assert_rejected(path)
 
 
 @pytest.mark.parametrize(
-    "looks", [LOOKS[:29], LOOKS[:, :4].copy(), LOOKS.astype(float)], ids=["rows", "columns", "type"]
+    "visibility", [SEEN[:29], SEEN[:, :4].copy(), SEEN.astype(float)], ids=["rows", "columns", "type"]
 )
-def test_looks_of_other_gaussians_are_refused(path, looks):
-    save_gaussians(gaussians(visibility=looks), path)
-    refused(path)
+def test_mismatched_visibility_is_rejected(path, visibility):
+    save_gaussians(gaussians(visibility=visibility), path)
+    assert_rejected(path)
 
 
-def test_any_finite_numbers_show_something_or_nothing_but_never_fail(path):
-    random = np.random.default_rng(0)
-    strange = gaussians()
+def test_any_finite_numbers_can_be_rendered(path):
+    random, strange = np.random.default_rng(0), gaussians()
     powers = random.uniform(-38, 38, strange.table.shape)
     strange.table[:] = (random.choice((-1, 1), powers.shape) * 10.0**powers).astype(np.float32)
     save_gaussians(strange, path)

@@ -1,6 +1,7 @@
-"""Gaussians learn what photos show, whatever their exposure, and resume where they were interrupted."""
+"""Fitting Gaussians to photos: convergence, exposure gains, and exact resume."""
 
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -23,10 +24,10 @@ from karf_engine.splats.rasterizer import RasterizedView, pinhole, rasterize
 TRUTH = Gaussians(cloud(40, 1, seed=7), 0, BACKGROUND, NEAR)
 
 
-def moved(camera, x, y):
-    pose = camera.camera_to_world.copy()
-    pose[:2, 3] = x, y
-    return replace(camera, camera_to_world=pose)
+def camera_at(x, y):
+    camera = camera_ahead()
+    camera.camera_to_world[:2, 3] = x, y
+    return camera
 
 
 def photo_of(camera):
@@ -34,7 +35,7 @@ def photo_of(camera):
 
 
 def cut_out_of(camera):
-    """The same without what is behind them."""
+    """The same view with alpha instead of the background."""
     image = RasterizedView(TRUTH.table, pinhole(camera, NEAR), (0, 0, 0)).image
     alpha = 1 - image[..., 3]
     straight = np.divide(
@@ -43,34 +44,30 @@ def cut_out_of(camera):
     return Photo(camera, to_bytes(straight.clip(0, 1)), alpha, None)
 
 
-def unlearned(seed=8):
-    """The truth, a little off in everything."""
+def noisy_truth(seed=8):
+    """The truth with noise on every value."""
     table = TRUTH.table + np.random.default_rng(seed).normal(0, 0.1, TRUTH.table.shape).astype(np.float32)
     return replace(TRUTH, table=table)
 
 
-CAMERAS = [moved(camera_ahead(), x, y) for x in (-0.6, 0.6) for y in (-0.6, 0, 0.6)]
+CAMERAS = [camera_at(x, y) for x in (-0.6, 0.6) for y in (-0.6, 0, 0.6)]
 PHOTOS, CUT_OUTS = ([photograph(camera) for camera in CAMERAS] for photograph in (photo_of, cut_out_of))
 
 
-def progress(steps=None):
-    """Progress that is cancelled after so many steps."""
-    asked = iter(range(steps)) if steps is not None else None
-    return Progress(lambda *_, **__: None, lambda: asked is not None and next(asked, None) is None, "splats", 100)
+def progress(steps=np.inf):
+    """Progress that is cancelled after this many steps."""
+    asked = count()
+    return Progress(lambda *_, **__: None, lambda: next(asked) >= steps, "splats", 100)
 
 
 def fitted(photos, iterations, start=None, seed=0, **more):
-    fit = SplatFit(start or unlearned(), photos, iterations, seed, **more)
+    fit = SplatFit(start or noisy_truth(), photos, iterations, seed, **more)
     fit.run(progress())
     return fit
 
 
-def learn(photos, iterations, start=None, **more):
-    return fitted(photos, iterations, start, **more).gaussians
-
-
 def photos_shown(monkeypatch, *given, **more):
-    fit, shown = SplatFit(unlearned(), *given, 0, **more), []
+    fit, shown = SplatFit(noisy_truth(), *given, 0, **more), []
     view_of = fit._photo
     monkeypatch.setattr(fit, "_photo", lambda random: shown.append(view_of(random)[0]) or view_of(random))
     fit.run(progress())
@@ -86,45 +83,44 @@ def error_of(gaussians, photos):
     return float(np.square(shown).mean())
 
 
-# --------------------------------------------------------------------------------------------------------------- learning
 @pytest.mark.parametrize(
     ("photos", "iterations", "window", "share"),
     [(PHOTOS, 150, None, 0.05), (CUT_OUTS, 150, None, 0.1), (PHOTOS, 250, 16, 0.2)],
-    ids=["opaque", "cut out", "larger than a window"],
+    ids=["opaque", "cutout", "larger than the window"],
 )
-def test_gaussians_become_what_the_photos_show(photos, iterations, window, share, monkeypatch):
+def test_fit_reproduces_the_photos(photos, iterations, window, share, monkeypatch):
     if window:
         monkeypatch.setattr(fit_module, "WINDOW", window)
-    start = unlearned()
+    start = noisy_truth()
     if photos is CUT_OUTS:
         start.table[:, GROUPS["opacity"]] = 0
     before = start.table.copy()
-    learned = learn(photos, iterations, start)
+    learned = fitted(photos, iterations, start).gaussians
     assert_array_equal(start.table, before)
     assert error_of(learned, photos) < share * error_of(start, photos)
-    if photos is CUT_OUTS:  # only what is solid shows them before backgrounds that change
+    if photos is CUT_OUTS:  # random backgrounds force the objects to become solid
         light = [rasterize(gaussians, CAMERAS[0]).image[..., 3] for gaussians in (start, learned)]
         errors = [np.abs(1 - each - photos[0].alpha).mean() for each in light]
         assert errors[1] < 0.4 * errors[0]
     elif not window:
-        held_out = [photo_of(moved(camera_ahead(), 0.2, -0.3))]
+        held_out = [photo_of(camera_at(0.2, -0.3))]
         assert error_of(learned, held_out) < 0.2 * error_of(start, held_out)
 
 
-def test_the_seed_decides_the_result_and_the_cores_do_not():
-    found, counted = [], cores.core_count()
+def test_result_depends_on_seed_but_not_on_core_count():
+    found, before = [], cores.core_count()
     try:
-        for count in (1, 2):
-            cores.set_core_count(count)
+        for number in (1, 2):
+            cores.set_core_count(number)
             cores.limit_torch_threads()
-            found.append(learn(PHOTOS, 12).table)
+            found.append(fitted(PHOTOS, 12).gaussians.table)
     finally:
-        cores.set_core_count(counted)
+        cores.set_core_count(before)
     assert_array_equal(*found)
-    assert (learn(PHOTOS, 12, seed=1).table != found[0]).any()
+    assert (fitted(PHOTOS, 12, seed=1).gaussians.table != found[0]).any()
 
 
-def test_photos_are_shown_in_epochs_first_at_half_size_and_pseudo_photos_between_them(monkeypatch):
+def test_epochs_start_at_half_size_and_include_pseudo_photos(monkeypatch):
     shown = photos_shown(monkeypatch, PHOTOS, 18)
     rounds = [[place(photo.camera) for photo in shown[first : first + 6]] for first in (0, 6, 12)]
     assert all(sorted(each) == sorted(map(place, CAMERAS)) for each in rounds)
@@ -138,7 +134,7 @@ def test_photos_are_shown_in_epochs_first_at_half_size_and_pseudo_photos_between
     assert [set(between[first : first + 3]) for first in (0, 3, 6, 9)] == [{2, 3, 4}] * 4
 
 
-def test_half_and_window_of_a_photo_match_the_whole(monkeypatch):
+def test_halved_and_windowed_photos_match_the_original(monkeypatch):
     valid = np.ones((36, 40), bool)
     valid[5, 7] = False
     photo = replace(CUT_OUTS[1], valid=valid)
@@ -155,42 +151,40 @@ def test_half_and_window_of_a_photo_match_the_whole(monkeypatch):
     assert_allclose(rasterize(TRUTH, part.camera).image, whole, atol=1e-4)
 
 
-def test_invalid_pixels_teach_nothing():
+def test_invalid_pixels_do_not_affect_the_fit():
     valid = np.ones((36, 40), bool)
     valid[:, 20:] = False
     blotted = PHOTOS[0].color.copy()
     blotted[:, 20:] = 255
     photos = [replace(PHOTOS[0], color=color, valid=valid) for color in (PHOTOS[0].color, blotted)]
-    assert_array_equal(*(learn([photo], 4).table for photo in photos))
+    assert_array_equal(*(fitted([photo], 4).gaussians.table for photo in photos))
 
 
-def test_no_gaussian_becomes_finer_than_the_photos_show():
-    start = unlearned()
+def test_gaussians_do_not_shrink_below_photo_resolution():
+    start = noisy_truth()
     start.table[:, GROUPS["scales"]] = -12
-    pixel = 3 / 50  # of the nearest Gaussian, some three units from the cameras
-    assert np.exp(learn(PHOTOS, 6, start).table[:, GROUPS["scales"]]).min() > 0.05 * pixel
+    pixel = 3 / 50  # the nearest Gaussian is about three units from the cameras
+    assert np.exp(fitted(PHOTOS, 6, start).gaussians.table[:, GROUPS["scales"]]).min() > 0.05 * pixel
 
 
-def test_cut_outs_are_shown_on_random_backgrounds(monkeypatch):
+def test_cutouts_are_fitted_on_random_backgrounds(monkeypatch):
     seen, view_of = [], fit_module.RasterizedView
     monkeypatch.setattr(fit_module, "RasterizedView", lambda *given: seen.append(given[2]) or view_of(*given))
-    learn(CUT_OUTS[:1], 4)
+    fitted(CUT_OUTS[:1], 4)
     assert len(set(seen)) == 4
-    learn(PHOTOS[:1], 2)
+    fitted(PHOTOS[:1], 2)
     assert seen[4:] == [BACKGROUND, BACKGROUND]
 
 
-def test_only_the_colors_of_the_background_are_learned():
+def test_background_gaussians_learn_only_their_color():
     shell = np.stack([ball((x, y, -20), 4, 0.99, (0.5, 0.5, 0.5), 1) for x in (-6, 0, 6) for y in (-6, 0, 6)])
-    start = replace(unlearned(), table=np.concatenate([unlearned().table, shell]), n_background=len(shell))
-    before, after = (np.split(each.table, [start.n_foreground]) for each in (start, learn(PHOTOS, 30, start)))
-    assert_array_equal(after[1][:, :COLOR], shell[:, :COLOR])
-    assert_array_equal(after[1][:, COLOR + 3 :], shell[:, COLOR + 3 :])
-    assert (after[1][:, GROUPS["color"]] != shell[:, GROUPS["color"]]).any()
-    assert (after[0][:, :LOG_SCALE] != before[0][:, :LOG_SCALE]).any()
+    start = replace(noisy_truth(), table=np.concatenate([noisy_truth().table, shell]), n_background=len(shell))
+    changed = fitted(PHOTOS, 30, start).gaussians.table != start.table
+    background = changed[start.n_foreground :]
+    assert not background[:, :COLOR].any() and not background[:, COLOR + 3 :].any()
+    assert background[:, GROUPS["color"]].any() and changed[: start.n_foreground, :LOG_SCALE].any()
 
 
-# -------------------------------------------------------------------------------------------------------------- exposures
 GAINS = np.float32([[1.15, 1.1, 1], [0.9, 0.95, 1], [1, 1, 1], [1.05, 1, 0.95], [0.9, 0.95, 1], [1.02, 1.01, 1.05]])
 
 
@@ -198,28 +192,27 @@ def exposed(photo, gains):
     return replace(photo, color=to_bytes((gains * photo.color / np.float32(255)).clip(0, 1)))
 
 
-ALIKE = np.ones((6, 3), np.float32)
+ONES = np.ones((6, 3), np.float32)
 
 
-def test_the_gains_are_found_and_the_scene_has_the_mean_exposure():
+def test_fit_recovers_gains_and_renders_at_mean_exposure():
     fit = fitted([exposed(photo, gains) for photo, gains in zip(PHOTOS, GAINS, strict=True)], 240)
     mean = np.exp(np.log(GAINS).mean(0))
     assert_allclose(fit.gains, GAINS / mean, atol=0.04)
-    among_alike = fitted(PHOTOS, 240)
-    assert_allclose(among_alike.gains, ALIKE, atol=0.01)
-    in_mean = [exposed(photo, mean) for photo in PHOTOS]
-    assert error_of(fit.gaussians, in_mean) < 3 * error_of(among_alike.gaussians, PHOTOS)
+    equal = fitted(PHOTOS, 240)
+    assert_allclose(equal.gains, ONES, atol=0.01)
+    assert error_of(fit.gaussians, [exposed(photo, mean) for photo in PHOTOS]) < 3 * error_of(equal.gaussians, PHOTOS)
 
 
-def test_cut_outs_and_pseudo_photos_keep_gains_of_1(monkeypatch):
+def test_cutouts_and_pseudo_photos_keep_unit_gains(monkeypatch):
     cut_outs = [exposed(photo, gains) for photo, gains in zip(CUT_OUTS, GAINS, strict=True)]
-    assert_array_equal(fitted(cut_outs, 20).gains, ALIKE)
+    assert_array_equal(fitted(cut_outs, 20).gains, ONES)
     monkeypatch.setattr(fit_module, "RATES", {0: 0.0})
     darker = [replace(photo, color=photo.color // 2) for photo in PHOTOS]
-    assert_allclose(fitted(PHOTOS, 36, TRUTH, pseudo_photos=darker).gains, ALIKE, atol=0.01)
+    assert_allclose(fitted(PHOTOS, 36, TRUTH, pseudo_photos=darker).gains, ONES, atol=0.01)
 
 
-def test_gains_are_measured_where_pixels_are_not_clipped_and_shrink_to_1_within_the_noise():
+def test_gains_ignore_clipped_pixels_and_noise():
     shown = np.float32([[0.4, 0.4, 0.4], [0.9, 0.9, 0.9]])
     photo = np.minimum(shown * 1.5, 1)
     exposures, without, black = (Exposures(1) for _ in range(3))
@@ -238,31 +231,32 @@ def test_gains_are_measured_where_pixels_are_not_clipped_and_shrink_to_1_within_
         exposures.balance()
         believed[spread] = np.log(exposures.gains[0]) / np.log(exposures.measured[0])
     assert (believed[0.002] < 0.1).all() and (believed[0.2] > 0.9).all()
-    between = interpolate_gains(GAINS[:2], [0, 4], 1)  # of a held-out photo
-    assert_allclose(between, 0.75 * GAINS[0] + 0.25 * GAINS[1], rtol=1e-6)
+
+
+def test_held_out_photos_get_interpolated_gains():
+    assert_allclose(interpolate_gains(GAINS[:2], [0, 4], 1), 0.75 * GAINS[0] + 0.25 * GAINS[1], rtol=1e-6)
     assert_allclose(interpolate_gains(GAINS[:2], [0, 4], 9), GAINS[1])
 
 
-# -------------------------------------------------------------------------------------------------------- interruptions
 @pytest.mark.parametrize("between", [[], PHOTOS[4:]])
-def test_a_resumed_fit_ends_bit_by_bit_where_an_uninterrupted_one_does(tmp_path, between):
+def test_resumed_fit_equals_uninterrupted_fit(tmp_path, between):
     photos = [*PHOTOS[:3], CUT_OUTS[3]]
 
-    def resumed(stop=None):
+    def resumed(stop=np.inf):
         saved = Checkpoint(tmp_path / "unfinished.safetensors", "of these inputs", "splats", lambda *_, **__: None)
-        fit, count = SplatFit(unlearned(), photos, 20, 0, pseudo_photos=between), progress(stop)
-        saved.attach(fit, count)
-        return fit, lambda: fit.run(count, saved)
+        fit, steps = SplatFit(noisy_truth(), photos, 20, 0, pseudo_photos=between), progress(stop)
+        saved.attach(fit, steps)
+        return fit, lambda: fit.run(steps, saved)
 
-    for stop, stood in ((7, 8), (5, 14)):  # the step at which it is asked is done
+    for stop, done in ((7, 8), (5, 14)):  # the current step is finished before it stops
         fit, run = resumed(stop)
         with pytest.raises(Cancelled):
             run()
-        assert fit.done == stood
+        assert fit.done == done
     fit, run = resumed()
     assert fit.done == 14
     run()
-    assert_array_equal(fit.gaussians.table, learn(photos, 20, pseudo_photos=between).table)
+    assert_array_equal(fit.gaussians.table, fitted(photos, 20, pseudo_photos=between).gaussians.table)
 
 
 @pytest.mark.parametrize(
@@ -273,21 +267,21 @@ def test_a_resumed_fit_ends_bit_by_bit_where_an_uninterrupted_one_does(tmp_path,
         lambda state: state.update(done=state["done"] + 1000),
         lambda state: state.pop("means"),
     ],
-    ids=["another table", "another type", "too many done", "one missing"],
+    ids=["wrong shape", "wrong type", "step past the end", "missing entry"],
 )
-def test_a_state_of_another_fit_is_refused_and_changes_nothing(change):
-    state, fit = fitted(PHOTOS[:1], 6).state(), SplatFit(unlearned(), PHOTOS[:1], 6, 0)
+def test_resume_rejects_state_of_another_fit_and_changes_nothing(change):
+    state, fit = fitted(PHOTOS[:1], 6).state(), SplatFit(noisy_truth(), PHOTOS[:1], 6, 0)
     change(state)
     with pytest.raises(DataError):
         fit.resume(state)
     assert fit.done == 0
-    assert_array_equal(fit.gaussians.table, unlearned().table)
+    assert_array_equal(fit.gaussians.table, noisy_truth().table)
 
 
 @pytest.mark.parametrize("column", [COLOR, CENTER])
-def test_divergence_is_said_in_a_sentence(column, monkeypatch):
+def test_diverging_fit_raises_a_readable_error(column, monkeypatch):
     monkeypatch.setitem(fit_module.RATES, column, np.inf)
-    fit = SplatFit(unlearned(), PHOTOS, 20, 0)
+    fit = SplatFit(noisy_truth(), PHOTOS, 20, 0)
     with pytest.raises(Diverged, match="diverged at iteration") as caught:
         fit.run(progress())
     assert caught.value.hint and fit.done < 20

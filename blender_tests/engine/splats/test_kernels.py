@@ -1,4 +1,4 @@
-"""Pictures of Gaussians and their gradients by the kernels are those of the formulas; the cores make no difference."""
+"""The kernels render the pictures and gradients of the reference, bit-identically on any number of cores."""
 
 from dataclasses import replace
 
@@ -17,27 +17,20 @@ from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, BORDER, LOGIT,
 from karf_engine.splats.rasterizer import RasterizedView, pinhole
 
 CAMERA = pinhole(camera_ahead(), NEAR)
-QUARTERS = (0, 0.25, 0.5, 0.75)
 
 
-def shown(*rows, camera=CAMERA, background=BACKGROUND):
-    return RasterizedView(np.stack(rows), camera, background)
+def shown(*rows, camera=CAMERA):
+    return RasterizedView(np.stack(rows), camera, BACKGROUND)
 
 
-def opaque_row():
-    table = cloud(30, 0, seed=3)
-    table[:, LOGIT] = 3.0
-    return table
-
-
-# ------------------------------------------------------------------------------------------------------- the formulas
 FILTERS = {"own": PIXEL_FILTER, "plain": PLAIN_FILTER, "antialiased": ANTIALIASED_FILTER}
 CASES = {f"{name}, {degree}": (cloud(degree=degree), FILTERS[name], 3e-5) for name in FILTERS for degree in range(4)}
-CASES |= {"one behind another": (opaque_row(), PIXEL_FILTER, 1e-4)}
+CASES |= {"occluding": (cloud(30, 0, seed=3), PIXEL_FILTER, 1e-4)}
+CASES["occluding"][0][:, LOGIT] = 3.0
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_picture_and_its_gradients_are_those_of_the_formulas(case):
+def test_picture_and_gradients_match_the_reference(case):
     table, screen_filter, tolerance = CASES[case]
     camera = pinhole(camera_ahead(), NEAR, screen_filter)
     view, variable = shown(*table, camera=camera), torch.from_numpy(table).double().requires_grad_()
@@ -50,7 +43,7 @@ def test_a_picture_and_its_gradients_are_those_of_the_formulas(case):
     by_torch = variable.grad.numpy()
     for name, columns in GROUPS.items():
         own = by_torch[:, columns]
-        assert own.size == 0 or abs(own).max() > 0.05, f"nothing depends on the {name}"
+        assert own.size == 0 or abs(own).max() > 0.05, f"the picture does not depend on the {name}"
         assert_allclose(by_kernels[:, columns], own, atol=tolerance * abs(by_torch).max(), err_msg=name)
 
 
@@ -61,7 +54,6 @@ def test_invisible_gaussians_have_no_gradient():
     assert (gradients[1] == 7).all() and not (gradients[0] == 7).any()
 
 
-# ---------------------------------------------------------------------------------------------------------- what is seen
 @pytest.mark.parametrize(
     "rows", [[], *([ball(place, 0.02)] for place in ((0, 0, 4.5), (0, 0, 3.9), (30, 0, 0), (0, -30, 0)))]
 )
@@ -71,7 +63,7 @@ def test_gaussians_behind_too_near_or_outside_are_invisible(rows):
     assert_array_equal(view.image, np.broadcast_to(np.float32([*BACKGROUND, 1]), (36, 40, 4)))
 
 
-def test_a_large_gaussian_outside_the_picture_reaches_into_it():
+def test_large_gaussian_outside_the_picture_reaches_into_it():
     beside = 4 * (20 + 0.9 * BORDER * 40) / 50
     assert shown(ball((beside, 0, 0), 0.6)).image[..., 3].min() < 0.9
 
@@ -84,7 +76,7 @@ def test_nearer_gaussians_hide_farther_ones_in_any_order():
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e30, -1e30, 200])
-def test_degenerate_numbers_are_invisible(wrong):
+def test_degenerate_gaussians_are_invisible(wrong):
     plain = ball((0.3, 0.1, 0), 0.1)
     alone = shown(plain).image
     for column in range(LOGIT):
@@ -92,48 +84,41 @@ def test_degenerate_numbers_are_invisible(wrong):
         strange[column] = wrong
         image = shown(plain, strange).image
         assert image.shape == alone.shape and np.isfinite(image).all(), column
-    turned_by_nothing = ball()
-    turned_by_nothing[ROTATION:LOGIT] = 0
-    assert_array_equal(shown(plain, turned_by_nothing).image, alone)
+    zero_rotation = ball()
+    zero_rotation[ROTATION:LOGIT] = 0
+    assert_array_equal(shown(plain, zero_rotation).image, alone)
 
 
-def test_too_many_tiles_are_refused():
-    """Their tiles would be more than 32 bits count, and entries be written beside their array."""
+def test_too_many_tiles_are_rejected():
+    """More tiles than 32 bits can count would write outside their array."""
     camera = camera_ahead().scaled(4096, 4096)
     wide = np.repeat(ball((0, 0, 0), 50.0, 0.9, (1, 1, 1))[None], 40_000, 0)
     with pytest.raises(OutOfMemory, match="40000 Gaussians cover too much of a picture of 4096x4096 pixels"):
         RasterizedView(wide, pinhole(camera, NEAR), BACKGROUND)
 
 
-def test_blended_values_are_those_of_the_picture():
+def test_blended_values_match_the_picture():
     view = shown(*cloud())
     assert_allclose(view.blended(np.ones((60, 1), np.float32))[0], 1 - view.image[..., 3], atol=1e-6)
     colors = np.moveaxis(view.blended(view.colors), 0, -1) + view.image[..., 3:] * np.float32(BACKGROUND)
     assert_allclose(colors, view.image[..., :3], atol=1e-5)
-    each = np.eye(60, dtype=np.float32)
-    assert_allclose(view.weights(), view.blended(each).sum((1, 2)), rtol=1e-4, atol=1e-4)
+    assert_allclose(view.weights(), view.blended(np.eye(60, dtype=np.float32)).sum((1, 2)), rtol=1e-4, atol=1e-4)
 
 
-# ---------------------------------------------------------------------------------------------------- pictures of any size
-def scaled(scale):
-    return pinhole(camera_ahead().scaled(40 * scale, 36 * scale), NEAR)
-
-
-def covered_by(row, camera):
-    """How many pixels a Gaussian covers, on average over its places within a pixel."""
-    moved = [
-        camera._replace(cx=camera.cx + np.float32(x), cy=camera.cy + np.float32(y)) for x in QUARTERS for y in QUARTERS
-    ]
+def covered_by(row, scale):
+    """How many pixels a Gaussian covers in an enlarged picture, averaged over positions within a pixel."""
+    camera, shifts = pinhole(camera_ahead().scaled(40 * scale, 36 * scale), NEAR), np.arange(0, 1, 0.25, np.float32)
+    moved = [camera._replace(cx=camera.cx + x, cy=camera.cy + y) for x in shifts for y in shifts]
     return np.mean([(1 - shown(row, camera=each).image[..., 3]).sum() for each in moved])
 
 
 @pytest.mark.parametrize("size", [0.01, 0.02, 0.04])
-def test_a_gaussian_smaller_than_a_pixel_covers_as_much_as_it_is_large(size):
+def test_subpixel_gaussian_covers_its_true_area(size):
     row = ball(size=size)
-    assert covered_by(row, scaled(1)) == pytest.approx(covered_by(row, scaled(8)) / 64, rel=0.1)
+    assert covered_by(row, 1) == pytest.approx(covered_by(row, 8) / 64, rel=0.1)
 
 
-def test_bands_and_windows_of_a_picture_are_parts_of_it():
+def test_rendered_windows_match_the_whole_picture():
     table, camera = cloud(), camera_ahead()
     table[:, GROUPS["scales"]] -= 0.5  # none reaches farther than the border
     whole = RasterizedView(table, pinhole(camera, NEAR), BACKGROUND).image
@@ -143,7 +128,7 @@ def test_bands_and_windows_of_a_picture_are_parts_of_it():
         assert_allclose(image, whole[top:bottom, left:right], atol=2e-4)
 
 
-def test_the_number_of_cores_changes_no_bit():
+def test_core_count_changes_no_bit():
     table, found, before = cloud(300, seed=5), [], cores.core_count()
     weights = np.random.default_rng(5).normal(size=(100, 130, 3)).astype(np.float32)
     camera = pinhole(camera_ahead(130, 100, 150), NEAR)
@@ -156,6 +141,6 @@ def test_the_number_of_cores_changes_no_bit():
             found.append((view.image, gradients, view.blended(table[:, :3])))
     finally:
         cores.set_core_count(before)
-    for others in found[1:]:
-        for one, other in zip(found[0], others, strict=True):
-            assert_array_equal(one, other)
+    for arrays in zip(*found, strict=True):
+        for other in arrays[1:]:
+            assert_array_equal(arrays[0], other)

@@ -1,7 +1,8 @@
-"""Gaussians begin on the surface of a learned scene, and are shown to pseudo cameras between photos that stand far apart."""
+"""Initial Gaussians on the surface of a learned scene, and pseudo cameras between sparse photos."""
 
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def begun(model):
 
 
 def distances_to_surface(points):
-    """Of points [n, 3] to the still life's ball, block and slab."""
+    """Distances [n] of points [n, 3] to the surfaces of the still life."""
     found = [np.abs(np.linalg.norm(points - BALL_CENTER, axis=1) - BALL_RADIUS)]
     for low, high in BOXES.values():
         middle, half = (np.add(low, high)) / 2, np.subtract(high, low) / 2
@@ -49,8 +50,7 @@ def axes_of(table):
     return rotations(torch.from_numpy(table[:, ROTATION : ROTATION + 4]).double()).numpy()
 
 
-# ------------------------------------------------------------------------------------------------------------- the surface
-def test_disks_lie_flat_on_the_surface(begun):
+def test_initial_disks_lie_flat_on_the_surface(begun):
     table = begun.table[: begun.n_foreground]
     voxel, distances = 2.2 / 36, distances_to_surface(table[:, :3])
     assert np.median(distances) < voxel and np.quantile(distances, 0.9) < 3 * voxel
@@ -64,7 +64,7 @@ def test_disks_lie_flat_on_the_surface(begun):
     assert (scales[:, 2] < 0.5 * scales[:, 0]).all()
 
 
-def test_the_initial_picture_is_that_of_the_field(model, begun):
+def test_initial_picture_resembles_the_field(model, begun):
     camera = model.working_camera(model.capture.split("test")[0])
     shown = rasterize(begun, camera).image[..., :3].clip(0, 1)
     assert psnr(shown, model.render_field(camera).color) > 18
@@ -75,71 +75,59 @@ def test_the_initial_picture_is_that_of_the_field(model, begun):
     assert 0 < begun.near < nearest
 
 
-def test_a_learned_background_becomes_a_shell_of_its_colors_behind_everything(model):
+def test_learned_background_becomes_a_distant_shell_of_its_colors(model):
     def sky(viewdirs):
         return 0.5 + 0.4 * viewdirs
 
     views = model.capture.split("train")
-    scene = replace(model.scene, background=sky)
-    gaussians = start.initial_gaussians(scene, views, 1000, 0)
+    gaussians = start.initial_gaussians(replace(model.scene, background=sky), views, 1000, 0)
     shell = gaussians.table[gaussians.n_foreground :]
     assert len(shell) == start.BEHIND
     eyes = np.stack([view.camera.position for view in views])
     assert np.linalg.norm(shell[:, :3], axis=1).min() > 5 * np.linalg.norm(eyes, axis=1).max()
-    alone = replace(gaussians, table=shell)
     camera = views[0].camera
-    seen = rasterize(alone, camera).image
-    assert seen[..., 3].max() < 0.03, "light comes through the shell"
+    seen = rasterize(replace(gaussians, table=shell), camera).image
+    assert seen[..., 3].max() < 0.03, "the shell is not opaque"
     _, directions = camera.rays(camera.pixel_centers())
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     assert_allclose(seen[..., :3].reshape(-1, 3), sky(directions), atol=0.06)
 
 
-def test_a_disk_turns_to_its_normal():
+def test_disks_face_along_their_normals():
     normals = np.float32([(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (0.6, 0, -0.8), (1e-4, 0, -1)])
     table = np.zeros((len(normals), COLOR), np.float32)
     table[:, ROTATION : ROTATION + 4] = start._rotations_to(normals)
     assert_allclose(axes_of(table)[:, :, 2], normals, atol=0.02)
 
 
-def test_the_surface_is_sampled_by_evenly_spread_views_and_can_be_cancelled_after_each(model):
+def test_surface_is_sampled_from_evenly_spread_views():
     for count, found in ((1, 1), (3, 3), (64, 64), (65, 64), (1000, 64)):
         chosen = start.surface_views(range(count))
         assert len(set(chosen)) == len(chosen) == found and (chosen[0], chosen[-1]) == (0, count - 1)
-    steps = []
 
-    def cancel():
-        steps.append(1)
-        if len(steps) == 3:
-            raise Cancelled("The test wants it.")
 
+def test_sampling_the_surface_can_be_cancelled_after_each_view(model):
+    check = Mock(side_effect=[None, None, Cancelled("The test wants it.")])
     with pytest.raises(Cancelled):
-        start.initial_gaussians(model.scene, model.capture.split("train"), 1000, 0, cancel)
-    assert len(steps) == 3
-
-
-# ------------------------------------------------------------------------------------------------------------ pseudo cameras
+        start.initial_gaussians(model.scene, model.capture.split("train"), 1000, 0, check)
+    assert check.call_count == 3
 
 
 def ring(count):
-    """Cameras all round MIDDLE, in two heights."""
-    found = []
-    for number in range(count):
-        pose = camera_at(2 * np.pi * number / count, (0.38, 0.67)[number % 2], distance=4.0).camera_to_world
+    """Cameras around MIDDLE at two heights."""
+    poses = [camera_at(2 * np.pi * n / count, (0.38, 0.67)[n % 2], distance=4.0).camera_to_world for n in range(count)]
+    for pose in poses:
         pose[:3, 3] += MIDDLE
-        found.append(Camera(80, 60, 90.0, 90.0, 40.0, 30.0, pose))
-    return found
+    return [Camera(80, 60, 90.0, 90.0, 40.0, 30.0, pose) for pose in poses]
 
 
 def scene(kind="opaque"):
-    """What shows one gray everywhere, and notes from where it was looked at."""
-    looks = []
+    """A scene of uniform gray."""
 
     def render(camera, n_quantiles):
-        looks.append(camera)
         return SimpleNamespace(color=torch.full((camera.height, camera.width, 3), 0.25))
 
-    return SimpleNamespace(background_kind=kind, render=render, looks=looks)
+    return SimpleNamespace(background_kind=kind, render=Mock(side_effect=render))
 
 
 def test_pseudo_cameras_need_wide_baselines_and_opaque_photos():
@@ -148,9 +136,9 @@ def test_pseudo_cameras_need_wide_baselines_and_opaque_photos():
 
 
 @pytest.mark.parametrize(
-    ("photos", "atol"), [(ring(10), 1e-6), (ring(10)[:6], 1e-5)], ids=["all round", "from one side"]
+    ("photos", "atol"), [(ring(10), 1e-6), (ring(10)[:6], 1e-5)], ids=["all around", "from one side"]
 )
-def test_pseudo_cameras_surround_the_focus_at_their_photos_height_and_distance(photos, atol):
+def test_pseudo_cameras_keep_the_photos_height_and_distance(photos, atol):
     between = start.pseudo_cameras(scene(), photos, 0)
     beside = np.stack([camera.position - MIDDLE for camera in between])[:, :2]
     angles = np.sort(np.arctan2(*beside.T))
@@ -165,7 +153,7 @@ def test_pseudo_cameras_surround_the_focus_at_their_photos_height_and_distance(p
         assert (camera.width, camera.fx) == (own.width, own.fx)
 
 
-def test_the_seed_says_where_pseudo_cameras_stand():
+def test_seed_determines_pseudo_cameras():
     first, again, other = (
         np.stack([each.position for each in start.pseudo_cameras(scene(), ring(10), seed)]) for seed in (0, 0, 1)
     )
@@ -174,9 +162,9 @@ def test_the_seed_says_where_pseudo_cameras_stand():
 
 
 def test_pseudo_photos_are_small_renderings_of_the_field():
-    field, steps = scene(), []
+    field, check = scene(), Mock()
     large = replace(ring(3)[0], width=2 * start.SIDE, height=start.SIDE, fx=600.0, fy=600.0, cx=256.0, cy=128.0)
-    small, halved = start.render_pseudo_photos(field, [ring(3)[1], large], lambda: steps.append(1))
+    small, halved = start.render_pseudo_photos(field, [ring(3)[1], large], check)
     assert small.color.shape == (60, 80, 3) and halved.color.shape == (start.SIDE // 2, start.SIDE, 3)
     assert (small.color == 64).all() and small.alpha is None and small.valid is None
-    assert field.looks[1].fx == 300 and halved.camera.width == start.SIDE and len(steps) == 2
+    assert field.render.call_args.args[0].fx == 300 and halved.camera.width == start.SIDE and check.call_count == 2

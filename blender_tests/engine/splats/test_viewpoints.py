@@ -1,10 +1,11 @@
-"""Cameras for Gaussians without photos, and what photos show of Gaussians: all else fades into gray."""
+"""Viewpoints chosen for imported Gaussians, points sampled on their surfaces, and confidence from photos."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
 
 pytest.importorskip("numba")
 
@@ -27,7 +28,7 @@ def balls(centers, size, opacity=0.9):
 
 
 def disk(radius=1.0, height=0.0, count=1500, size=0.04):
-    """A table top across z: flat Gaussians."""
+    """A table top of flat Gaussians, perpendicular to z."""
     random = np.random.default_rng(1)
     turn, away = random.uniform(0, 2 * np.pi, count), radius * np.sqrt(random.random(count))
     table = balls(np.stack([away * np.cos(turn), away * np.sin(turn), np.full(count, height)], 1), size)
@@ -48,10 +49,10 @@ def away_from(target, cameras):
     return np.array([np.linalg.norm(camera.position - target.middle) for camera in cameras])
 
 
-def test_an_object_is_framed_from_all_sides():
+def test_object_is_framed_from_all_sides():
     gaussians = scene(disk(), heap())
     target, within = estimate_target(gaussians), estimate_target(scene(disk(), heap(), sphere(60, 400)))
-    assert np.linalg.norm(target.middle - within.middle) < 0.1, "a distant shell moves it"
+    assert np.linalg.norm(target.middle - within.middle) < 0.1, "a distant shell moves the target"
     assert within.distance == pytest.approx(target.distance, rel=0.2)
     cameras = cameras_around(gaussians, target, 12, 64)
     assert_allclose(target.up, (0, 0, 1), atol=0.1)
@@ -61,12 +62,12 @@ def test_an_object_is_framed_from_all_sides():
     for camera in cameras:
         pixels, depth = camera.project(gaussians.table[:, :3])
         assert (depth > 0).all() and ((pixels > 0) & (pixels < 64)).all(1).mean() > 0.9
-        assert camera.position[2] > 0 and camera.camera_to_world[2, 1] > 0, "it hangs from below, or upside down"
+        assert camera.position[2] > 0 and camera.camera_to_world[2, 1] > 0, "the camera is below, or upside down"
         assert (camera.width, camera.height) == (64, 64)
 
 
-def test_sizes_of_gaussians_locate_the_cameras_of_a_room():
-    """Of each Gaussian the size grows with the distance from cameras that stood two units around (1, 2, 0)."""
+def test_gaussian_sizes_locate_the_cameras_of_a_room():
+    """Each Gaussian's size grows with its distance from cameras two units around (1, 2, 0)."""
     random = np.random.default_rng(4)
     middle, places = np.array([1.0, 2, 0]), random.uniform(-8, 8, (6000, 3))
     sizes = 0.02 * np.sqrt(((places - middle) ** 2).sum(1) + 2.0**2) * np.exp(random.normal(0, 0.2, 6000))
@@ -91,39 +92,40 @@ def test_cameras_inside_the_target_look_outward():
     target = Target(np.zeros(3), np.array([0.0, 0, 1]), 5.0)
     cameras = cameras_around(hollow, target, 9, 64)
     assert len(cameras) == 9 and away_from(target, cameras).max() < 1
-    assert np.linalg.norm(sum(camera.camera_to_world[:3, 2] for camera in cameras)) < 2, "they do not look all round"
+    assert np.linalg.norm(sum(camera.camera_to_world[:3, 2] for camera in cameras)) < 2, (
+        "the cameras do not look in all directions"
+    )
 
 
-def test_up_may_be_given_and_is_colmaps_where_no_floor_decides():
-    given = estimate_target(scene(disk(), heap()), np.array([0.0, -2, 0]))
-    assert_allclose(given.up, (0, -1, 0))
+def test_up_is_the_given_direction_or_colmaps():
+    assert_allclose(estimate_target(scene(disk(), heap()), np.array([0.0, -2, 0])).up, (0, -1, 0))
     table = heap(3000)
     table[:, ROTATION:LOGIT] = np.random.default_rng(6).normal(size=(3000, 4))
     table[:, LOG_SCALE] -= 2
     assert_allclose(estimate_target(scene(table)).up, (0, -1, 0))
 
 
-def test_haze_and_gaussians_of_one_place_are_refused_and_choosing_can_be_cancelled():
-    haze, one_place = np.random.default_rng(7).normal(size=(50, 3)), np.full((200, 3), 1.0)
+def test_haze_and_gaussians_in_one_place_are_rejected():
     with pytest.raises(DataError, match="almost all are transparent"):
-        estimate_target(scene(balls(haze, 0.1, 0.05)))
+        estimate_target(scene(balls(np.random.default_rng(7).normal(size=(50, 3)), 0.1, 0.05)))
     with pytest.raises(DataError, match="almost all lie in one place"):
-        estimate_target(scene(balls(one_place, 0.1)))
+        estimate_target(scene(balls(np.full((200, 3), 1.0), 0.1)))
 
-    def stop():
-        raise Cancelled("stop", "")
 
+def stop():
+    raise Cancelled("stop", "")
+
+
+def test_choosing_cameras_can_be_cancelled():
     gaussians = scene(disk(), heap())
     with pytest.raises(Cancelled):
         cameras_around(gaussians, estimate_target(gaussians), 8, 64, stop)
 
 
-# --------------------------------------------------------------------------------------------------- points on surfaces
 CAMERAS = [camera_ahead(80, 60, 80.0), camera_ahead(40, 30, 40.0)]
 ABOVE = np.array([0.0, 0.0, 4.0])
 
 
-# ----------------------------------------------------------------------------------------------------------------- points
 def wall(z=0.0, reach=6.0, size=0.1):
     steps = np.arange(-reach, reach, size)
     table = np.stack([ball((x, y, z), size, 0.99, (0.8, 0.2, 0.1)) for x in steps for y in steps])
@@ -142,7 +144,7 @@ def test_imported_gaussians_keep_their_screen_filter(is_antialiased, expected):
     assert 0.01 < gaussians.near < 0.2
 
 
-def test_points_lie_on_visible_surfaces_and_name_their_cameras():
+def test_sampled_points_lie_on_surfaces_and_name_their_cameras():
     points = points_of(wall())
     assert len(points) > 1000
     assert_allclose(points.positions[:, 2], 0, atol=0.02)
@@ -163,7 +165,7 @@ def test_hidden_points_are_not_observed():
     assert far.sum() > 50 and not np.isin(points.point[points.view == 0], np.flatnonzero(far)).any()
 
 
-def test_haze_and_sky_give_no_points():
+def test_haze_and_sky_yield_no_points():
     haze = wall()
     haze[:, 10] = -4.0
     assert len(points_of(haze)) == 0
@@ -171,46 +173,40 @@ def test_haze_and_sky_give_no_points():
     assert len(points) and (points.positions[:, 2] > -1).all()
 
 
-def test_looking_can_be_cancelled():
-    def stop():
-        raise Cancelled("stop", "")
-
+def test_sampling_points_can_be_cancelled():
     with pytest.raises(Cancelled):
         points_of(wall(), check=stop)
 
 
-# ------------------------------------------------------------------------------------------------------------- confidence
 def camera_turned(degrees):
     """The camera ahead, turned about the x axis through the origin."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    turn = np.eye(4)
-    turn[1:3, 1:3] = [[c, -s], [s, c]]
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
     camera = camera_ahead()
-    return replace(camera, camera_to_world=turn @ camera.camera_to_world)
+    return replace(camera, camera_to_world=pose @ camera.camera_to_world)
 
 
-def looked_at(rows, degrees):
-    found = Gaussians(np.stack(rows), 0, BACKGROUND, NEAR)
-    return replace(found, visibility=visibility_in_photos(found, [camera_turned(each) for each in degrees]))
+def photographed(rows, degrees):
+    gaussians = Gaussians(np.stack(rows), 0, BACKGROUND, NEAR)
+    return replace(gaussians, visibility=visibility_in_photos(gaussians, list(map(camera_turned, degrees))))
 
 
-def test_confidence_falls_away_from_the_photos_directions():
-    found = looked_at([ball()], (-20, 0, 20))
-    from_degrees = [float(confidence_from(found, camera_turned(each).position)[0]) for each in (0, 20, 29, 45, 61, 180)]
-    assert from_degrees[:3] == [1, 1, 1] and from_degrees[4:] == [0, 0]
-    assert 0 < from_degrees[3] < 1
-    assert confidence_from(looked_at([ball()], (0,)), ABOVE)[0] == 0.5, "one photo alone tells half"
+def test_confidence_falls_away_from_the_photo_directions():
+    gaussians, degrees = photographed([ball()], (-20, 0, 20)), (0, 20, 29, 45, 61, 180)
+    confidence = [float(confidence_from(gaussians, camera_turned(each).position)[0]) for each in degrees]
+    assert confidence[:3] == [1, 1, 1] and 0 < confidence[3] < 1 and confidence[4:] == [0, 0]
+    assert confidence_from(photographed([ball()], (0,)), ABOVE)[0] == 0.5, "a single photo gives half the confidence"
 
 
-def test_gaussians_that_no_photo_shows_have_no_confidence():
+def test_gaussians_in_no_photo_have_no_confidence():
     hidden, beside = ball((0, 0, -1), size=0.02), ball((9, 0, 0))
-    found = looked_at([ball(opacity=0.999, size=0.5), ball((0, 0, 0.1), 0.5, 0.999), hidden, beside], (-3, 3))
+    found = photographed([ball(opacity=0.999, size=0.5), ball((0, 0, 0.1), 0.5, 0.999), hidden, beside], (-3, 3))
     for eye in (ABOVE, -ABOVE):
         assert_array_equal(confidence_from(found, eye)[2:], [0, 0])
     assert_array_equal(confidence_from(found, ABOVE)[:2], [1, 1])
 
 
-def test_the_unknown_is_gray_and_the_known_keeps_its_bits():
+def test_unconfident_gaussians_turn_gray_and_confident_ones_stay_exact():
     found = Gaussians(cloud(), 0, BACKGROUND, NEAR)
     camera, sure = camera_ahead(), np.ones(len(found), np.float32)
     plain = rasterize(found, camera)

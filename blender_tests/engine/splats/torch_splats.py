@@ -1,4 +1,4 @@
-"""Splatting as the papers write it, by torch in double precision: every Gaussian in every pixel. The kernels' measure."""
+"""Reference splatting as in the papers, in torch and double precision, with every Gaussian in every pixel."""
 
 import torch
 
@@ -61,10 +61,11 @@ def splat(table, camera, background):
     power = 0.5 * torch.einsum("hwni,nij,hwnj->hwn", apart, torch.linalg.inv(covariance), apart)
     alphas = opacity * torch.exp(-power)
     alphas = torch.where(alphas < float(MIN_ALPHA), torch.zeros_like(alphas), alphas.clamp_max(float(MAX_ALPHA)))
-    alphas = alphas[..., (z >= float(camera.near)).nonzero()[:, 0][z[z >= float(camera.near)].argsort()]]
-    colors = colors[(z >= float(camera.near)).nonzero()[:, 0][z[z >= float(camera.near)].argsort()]]
+    front = (z >= float(camera.near)).nonzero()[:, 0]
+    order = front[z[front].argsort()]
+    alphas, colors = alphas[..., order], colors[order]
     light = torch.cumprod(1 - alphas, -1)
     before = torch.cat([torch.ones_like(light[..., :1]), light[..., :-1]], -1)
     image = (alphas * before) @ colors + light[..., -1:] * torch.tensor(background, dtype=torch.float64)
-    assert light.min() > float(DARK) or len(table) < 40  # the kernels stop there
+    assert light.min() > float(DARK) or len(table) < 40  # where the kernels stop
     return torch.cat([image, light[..., -1:]], -1)

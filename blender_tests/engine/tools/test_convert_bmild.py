@@ -1,4 +1,4 @@
-"""Networks of bmild/nerf become a checkpoint of nerf-pytorch with the same numbers, and nothing in a file is ever run."""
+"""Networks of bmild/nerf become an equal checkpoint of nerf-pytorch, without running code from the file."""
 
 import pickle
 import struct
@@ -15,7 +15,7 @@ from tools.convert_bmild import main, read_bmild
 
 FILES = ("model_200000.npy", "model_fine_200000.npy")
 COARSE, FINE = vanilla_state(1), vanilla_state(2)
-WHOLE = bmild_arrays(COARSE)
+ARRAYS = bmild_arrays(COARSE)
 
 
 @pytest.fixture
@@ -23,39 +23,33 @@ def model(tmp_path):
     return tmp_path / FILES[0]
 
 
-def converted(given):
-    """The tensors of both networks that the engine reads from what the command has made of a file."""
+def assert_converted(given, *states):
+    """Convert a file and compare both networks, as the engine reads them, with these tensors."""
     out = given.with_name("out") / "200000.tar"
     assert main([str(given), str(out)]) == 0
-    networks = read_nerf(out)
-    for network in networks:
-        assert network.shape.skips == (5,) and not network.shape.linear_first and not network.shape.rectified_features
-    return [network.state_dict() for network in networks]
-
-
-def assert_same(found, state):
-    assert found.keys() == state.keys() and all(torch.equal(found[name], value) for name, value in state.items())
+    for network, state in zip(read_nerf(out), states, strict=True):
+        shape, found = network.shape, network.state_dict()
+        assert shape.skips == (5,) and not shape.linear_first and not shape.rectified_features
+        assert found.keys() == state.keys() and all(torch.equal(found[name], value) for name, value in state.items())
 
 
 @pytest.mark.parametrize("protocol", [None, 2])
 @pytest.mark.parametrize("given", FILES)
-def test_both_networks_arrive_bit_by_bit(tmp_path, given, protocol):
+def test_both_networks_are_converted_exactly(tmp_path, given, protocol):
     for name, state in zip(FILES, (COARSE, FINE), strict=True):
         write_arrays(tmp_path / name, bmild_arrays(state), protocol)
-    for found, state in zip(converted(tmp_path / given), (COARSE, FINE), strict=True):
-        assert_same(found, state)
+    assert_converted(tmp_path / given, COARSE, FINE)
 
 
 @pytest.mark.parametrize("name", FILES)
-@pytest.mark.parametrize("arrays", [WHOLE, [np.asfortranarray(array.astype(">f8")) for array in WHOLE]])
-def test_one_file_of_any_type_and_order_serves_twice(tmp_path, name, arrays):
+@pytest.mark.parametrize("arrays", [ARRAYS, [np.asfortranarray(array.astype(">f8")) for array in ARRAYS]])
+def test_single_file_serves_as_both_networks(tmp_path, name, arrays):
     write_arrays(tmp_path / name, arrays)
-    for found in converted(tmp_path / name):
-        assert_same(found, COARSE)
+    assert_converted(tmp_path / name, COARSE, COARSE)
 
 
-def test_the_checkpoint_is_tensors_alone_and_the_same_each_time(tmp_path, model):
-    write_arrays(model, WHOLE)
+def test_checkpoint_is_reproducible_and_has_only_tensors(tmp_path, model):
+    write_arrays(model, ARRAYS)
     for name in ("a.tar", "b.tar"):
         assert main([str(model), str(tmp_path / name)]) == 0
     content = torch.load(tmp_path / "a.tar", weights_only=True)
@@ -64,28 +58,28 @@ def test_the_checkpoint_is_tensors_alone_and_the_same_each_time(tmp_path, model)
     assert (tmp_path / "a.tar").read_bytes() == (tmp_path / "b.tar").read_bytes()
 
 
-def refused(path, words):
+def assert_rejected(path, words):
     with little_memory(), pytest.raises(DataError) as caught:
         read_bmild(path)
     assert str(path) in caught.value.sentence and words in caught.value.sentence and caught.value.hint
 
 
-def test_a_list_of_arrays_that_would_run_code_is_refused_and_runs_nothing(tmp_path, model):
+def test_pickled_code_is_rejected_and_not_run(tmp_path, model):
     trap = Trap(tmp_path / "sprung")
-    write_arrays(model, [*WHOLE[:-1], trap])
-    refused(model, "mkdir, which is not an array")
+    write_arrays(model, [*ARRAYS[:-1], trap])
+    assert_rejected(model, "mkdir, which is not an array")
     assert not trap.folder.exists()
 
 
 def cut(kept):
     def write(path):
-        write_arrays(path, WHOLE)
+        write_arrays(path, ARRAYS)
         path.write_bytes(path.read_bytes()[:kept])
 
     return write
 
 
-def arrays(values):
+def stored(values):
     return lambda path: write_arrays(path, values)
 
 
@@ -108,10 +102,10 @@ def one_array_many_times():
     ("write", "words"),
     [
         *((cut(kept), "cannot be read") for kept in (0, 5, 100, -60)),
-        (arrays([np.ones(2)] * 5), "holds 5 arrays"),
-        (arrays([np.array(["a", "b"])] * 24), "cannot be read"),
-        (arrays(WHOLE[2:]), "a network of another kind"),  # without the first layer
-        (arrays([*WHOLE[:-1], np.full_like(WHOLE[-1], np.nan)]), "not finite"),
+        (stored([np.ones(2)] * 5), "holds 5 arrays"),
+        (stored([np.array(["a", "b"])] * 24), "cannot be read"),
+        (stored(ARRAYS[2:]), "a network of another kind"),  # without the first layer
+        (stored([*ARRAYS[:-1], np.full_like(ARRAYS[-1], np.nan)]), "not finite"),
         (lambda path: None, "does not exist"),
         (lambda path: np.save(path, np.ones(5)), "one array of numbers"),
         (lambda path: path.symlink_to("/dev/zero"), "is a pipe or a device, not a file"),
@@ -120,16 +114,16 @@ def one_array_many_times():
         (pickled(one_array_many_times()), "repeat a few numbers"),
     ],
 )
-def test_what_is_no_network_is_refused_without_taking_memory(model, write, words):
+def test_malformed_networks_are_rejected_in_little_memory(model, write, words):
     write(model)
-    refused(model, words)
+    assert_rejected(model, words)
 
 
 @pytest.mark.parametrize(
     ("out", "code", "words"),
     [("out.tar", DataError.exit_code, f"{FILES[0]} cannot be read"), (FILES[0], 2, "does not end in .tar")],
 )
-def test_the_command_says_what_is_wrong_and_leaves_what_was_there(tmp_path, model, capsys, out, code, words):
+def test_failed_conversion_keeps_existing_files(tmp_path, model, capsys, out, code, words):
     (tmp_path / "out.tar").write_bytes(b"kept")
     model.write_bytes(b"kept")
     assert main([str(model), str(tmp_path / out)]) == code

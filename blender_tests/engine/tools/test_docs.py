@@ -1,4 +1,4 @@
-"""Pages name what exists: files, links, code, controls, messages, settings; stub and reference are what the code says."""
+"""Pages name only existing files, code, controls, messages and settings; stub and reference are current."""
 
 import ast
 import inspect
@@ -28,11 +28,11 @@ FENCE = re.compile(r"^ *```.*?^ *```", re.MULTILINE | re.DOTALL)
 PROSE = {page: FENCE.sub("", text) for page, text in PAGES.items()}
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 CODE = re.compile(r"`([^`\n]+)`")
-# what a page writes of a file: a Python file, a path below a folder of the repository, or a room
+# forms of paths on pages: a Python file, a path below one of the top folders, a folder
 SOURCE = re.compile(r"^((?:\w+/)*\w+\.py)(?=$|[:.])")
 TOP = r"karf_engine|karf_blender|tools|docs|blender_tests|notebooks|requirements|demo"
 BELOW = re.compile(rf"^((?:{TOP})/[\w./-]*)(?=$|:)")
-ROOM = re.compile(r"^((?:\w+/)+)$")
+FOLDER = re.compile(r"^((?:\w+/)+)$")
 
 TREES = {
     path: ast.parse(path.read_text(encoding="utf-8"))
@@ -46,7 +46,7 @@ TEST_PLACES = (ROOT, ROOT / "blender_tests", ROOT / "blender_tests" / "engine")
 
 
 def names_in(node):
-    """Functions and attributes of a module or a class, at any depth."""
+    """Names of functions, classes, attributes and variables in a module or class, at any depth."""
     for part in ast.walk(node):
         if isinstance(part, ast.FunctionDef | ast.ClassDef):
             yield part.name
@@ -57,24 +57,22 @@ def names_in(node):
 
 
 def literals(top=""):
-    """All texts in the code below a folder, names and numbers in them as ``...``."""
-    parts = []
+    """All texts in the code below a folder, with inserted values as ``...``."""
     for node in (node for path, nodes in NODES.items() if path.is_relative_to(ROOT / top) for node in nodes):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            parts.append(node.value)
+            yield node.value
         if isinstance(node, ast.JoinedStr):
-            parts.append("".join(part.value if isinstance(part, ast.Constant) else "..." for part in node.values))
-    return parts
+            yield "".join(part.value if isinstance(part, ast.Constant) else "..." for part in node.values)
 
 
 def anchors(page):
-    """The anchors of a page's headings, as GitHub and the site make them."""
+    """The anchors of a page's headings, as on GitHub and the site."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_links_and_pictures_of_a_page_exist(page):
+def test_links_of_a_page_exist(page):
     for link in LINK.findall(CODE.sub("", PROSE[page])):
         if "://" in link:
             continue
@@ -84,7 +82,7 @@ def test_links_and_pictures_of_a_page_exist(page):
         assert not anchor or anchor in anchors(target), link
 
 
-def test_every_page_is_in_the_index_once_and_every_picture_on_a_page():
+def test_pages_are_indexed_and_pictures_shown():
     toctrees = re.findall(r"```\{toctree\}\n(.*?)```", PAGES["docs/index.md"], re.DOTALL)
     names = [line for text in toctrees for line in text.splitlines() if line and not line.startswith((":", "api/"))]
     assert sorted((DOCS / f"{name}.md").resolve() for name in names) == sorted({*FILES} - {DOCS / "index.md"})
@@ -93,8 +91,8 @@ def test_every_page_is_in_the_index_once_and_every_picture_on_a_page():
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_files_and_definitions_that_a_page_names_exist(page):
-    patterns = (SOURCE, BELOW, ROOM) if page in ABOUT_THE_CODE else (SOURCE, BELOW)
+def test_named_files_and_definitions_exist(page):
+    patterns = (SOURCE, BELOW, FOLDER) if page in ABOUT_THE_CODE else (SOURCE, BELOW)
     found = [pattern.match(code) for code in CODE.findall(PROSE[page]) for pattern in patterns]
     for path in {match[1] for match in found if match}:
         places = TEST_PLACES if path.rpartition("/")[2].startswith("test_") else CODE_PLACES
@@ -109,8 +107,8 @@ def test_files_and_definitions_that_a_page_names_exist(page):
         assert defined <= set(names_in(TREES[file])), path
 
 
-def test_members_of_classes_that_a_page_names_exist():
-    """`Class.member`, where the class is one of the packages'; docs/blender.md speaks of Blender's own."""
+def test_named_class_members_exist():
+    """`Class.member` of our classes; docs/blender.md names Blender's."""
     known = {}
     for node in (node for nodes in NODES.values() for node in nodes if isinstance(node, ast.ClassDef)):
         known.setdefault(node.name, set()).update(names_in(node))
@@ -119,15 +117,15 @@ def test_members_of_classes_that_a_page_names_exist():
     assert [f"{kind}.{name}" for kind, name in named if name not in known.get(kind, {name})] == []
 
 
-def test_settings_that_a_page_names_exist():
+def test_named_settings_exist():
     known = {name for name, _, _ in describe()}
     stages = "geometry|segmentation|palette|recoloring|splats|render"
     named = {name for text in PAGES.values() for name in re.findall(rf"`(?:--set )?((?:{stages})\.[a-z_.]+)[=`]", text)}
     assert [name for name in named - known if not name.endswith((".py", ".json", ".safetensors"))] == []
 
 
-def test_controls_that_a_page_names_are_those_of_the_panels():
-    """Bold names whose words all begin with a capital letter."""
+def test_named_controls_exist():
+    """Controls are bold names whose words are capitalized."""
     labels = set(literals("karf_blender"))
     bold = [" ".join(name.split()) for page in FOR_ARTISTS for name in re.findall(r"\*\*([^*]+)\*\*", PROSE[page])]
     names = [name for name in bold if re.fullmatch(r"[A-Z][\w':]*( (in|[A-Z0-9][\w']*))*", name)]
@@ -135,7 +133,7 @@ def test_controls_that_a_page_names_are_those_of_the_panels():
     assert [name for name in names if not name.endswith(":") and name not in labels] == []
 
 
-def test_commands_that_a_page_shows_have_their_options():
+def test_shown_commands_and_options_exist():
     helps = dict(re.findall(r"^## ([a-z-]+)\n```text\n(.*?)```", reference.command_line(), re.MULTILINE | re.DOTALL))
     command = re.compile(r"(?:^|`)(?:karf|python -m karf_engine) ([a-z-]+)([^`\n]*)", re.MULTILINE)
     shown = command.findall("\n".join(PAGES.values()))
@@ -146,17 +144,17 @@ def test_commands_that_a_page_shows_have_their_options():
         assert flags <= set(re.findall(r"--[a-z-]+", helps[verb])), verb
 
 
-def test_messages_with_remedies_are_those_of_the_code():
-    said_by_the_system = {"...: No space left on device", "...: Permission denied"}
+def test_troubleshooting_messages_exist_in_the_code():
+    system_messages = {"...: No space left on device", "...: Permission denied"}
     text = "\n".join(literals())
     rows = re.findall(r"^\| (?!message |---)(.+?) \|", PAGES["docs/troubleshooting.md"], re.MULTILINE)
     sentences = [re.sub(r" \((?:a warning|`.*?`)\)", "", sentence) for row in rows for sentence in row.split("; ")]
     assert len(sentences) > 40
-    for sentence in set(sentences) - said_by_the_system:
+    for sentence in set(sentences) - system_messages:
         assert all(piece.strip(" ,.:%()") in text for piece in sentence.split("...")), sentence
 
 
-def test_readme_and_cells_of_task_pages_are_short():
+def test_readme_and_task_tables_are_short():
     assert len(PROSE["README.md"].split()) <= 700
     for page in [page for page in PAGES if page.startswith("docs/tasks/")]:
         rows = [line for line in PROSE[page].splitlines() if line.startswith("|")]
@@ -164,18 +162,18 @@ def test_readme_and_cells_of_task_pages_are_short():
 
 
 @pytest.mark.parametrize("page", [*FOR_ARTISTS, "docs/presets.md", "docs/limits.md"])
-def test_measured_figures_stand_on_the_benchmark_page_alone(page):
+def test_only_the_benchmark_page_has_measured_figures(page):
     text = re.sub(r"<!-- figures.*?<!-- /figures -->", "", PROSE[page], flags=re.DOTALL)
     assert re.findall(r"\d (?:dB|CIEDE2000|ms|seconds)\b|(?:IoU|PSNR|CIEDE2000) (?:of )?\d|times faster", text) == []
 
 
-def test_every_equation_of_the_paper_has_a_place():
+def test_every_equation_of_the_paper_is_mapped():
     rows = re.findall(r"^\| Eq\. (\d+)(?: to (\d+))?", PAGES["docs/paper.md"], re.MULTILINE)
     assert {n for first, last in rows for n in range(int(first), int(last or first) + 1)} >= set(range(1, 15))
 
 
-def test_the_drawing_of_the_engine_shows_its_floors_from_the_top():
-    """The packages' faces are not rooms of the drawing."""
+def test_architecture_drawing_shows_all_floors_in_order():
+    """The packages' own files are not drawn."""
     drawn = re.findall(r'font-weight="bold">(\w+)</text>', (DOCS / "images" / "architecture.svg").read_text())
     height = {room: number for number, floor in enumerate(FLOORS) for room in floor if not room.startswith("__")}
     rooms = drawn[: len(height)]
@@ -183,8 +181,8 @@ def test_the_drawing_of_the_engine_shows_its_floors_from_the_top():
     assert [height[room] for room in rooms] == sorted(height.values(), reverse=True)
 
 
-def test_the_stub_is_up_to_date_and_types_every_keyword_of_every_function():
-    # in a process of its own: here other tests may have registered kinds of fields, heads and layers
+def test_stub_is_current_and_types_every_argument():
+    # in another process, since other tests may have registered fields, heads and layers here
     done = subprocess.run([sys.executable, "-m", "tools.reference", "--check"], cwd=ROOT)
     assert done.returncode == 0, "run python -m tools.reference"
     stubs = {node.name: node.args for node in ast.parse(reference.stub()).body if isinstance(node, ast.FunctionDef)}
@@ -196,20 +194,20 @@ def test_the_stub_is_up_to_date_and_types_every_keyword_of_every_function():
 
 
 @pytest.mark.parametrize("kind", reference.COMMANDS.values(), ids=list(reference.COMMANDS))
-def test_the_site_has_every_command_with_every_option(kind):
+def test_site_lists_every_option_of_every_command(kind):
     section = reference.command_line().split(f"## {kind.command}\n")[1].split("\n## ")[0]
     fields = [item for item in reference.fields_in_help_order(kind) if not item.metadata["positional"]]
     assert [flag for flag in map(flag_of, fields) if flag and flag not in section] == []
 
 
-def test_the_site_has_every_public_name_and_each_has_an_example():
+def test_site_lists_every_public_name_with_an_example():
     names = re.findall(r"^### (\w+)$", reference.library(), re.MULTILINE)
     assert sorted(names) == sorted(set(reference.karf_engine.__all__) - {"__version__"})
     documented = {name: inspect.getdoc(getattr(reference.karf_engine, name)) for name in names}
     assert [name for name, text in documented.items() if "Example" not in text] == ["PRESETS"]
 
 
-def test_the_written_page_lists_every_verb():
+def test_command_line_page_lists_every_verb():
     assert re.findall(r"^    ([a-z-]+)(?: |$)", reference._printed("--help"), re.MULTILINE) == [*reference.VERBS]
     rows = re.findall(r"^\| (`.*?`) \|", PAGES["docs/command_line.md"], re.MULTILINE)
     assert sorted(re.findall(r"`([\w-]+)`", "".join(rows))) == sorted(reference.VERBS)

@@ -1,4 +1,4 @@
-"""Scenes that a seed draws: the same every time, each unlike the others, with nothing standing in anything else."""
+"""Random scenes drawn from a seed are reproducible, varied, and without intersecting objects."""
 
 import math
 
@@ -7,18 +7,18 @@ import pytest
 from tools.scenes.seeded.draw import FORMS, draw_scene, radius_of
 from tools.scenes.seeded.scene import PLACES, RELATIONS
 
-SEEDS = range(300, 380)  # neither those for work nor those for reports
+SEEDS = range(300, 380)  # used neither in development nor in reports
 SCENES = [draw_scene(seed) for seed in SEEDS]
 every_scene = pytest.mark.parametrize("scene", SCENES, ids=map(str, SEEDS))
 
 
-def test_a_seed_draws_the_same_scene_every_time_and_another_attempt_another():
+def test_seed_and_attempt_determine_the_scene():
     another = draw_scene(300, attempt=1)
     assert draw_scene(300) == SCENES[0] != another
     assert SCENES[0].place == another.place
 
 
-def test_places_take_turns_and_all_else_varies():
+def test_places_alternate_and_all_else_varies():
     assert [scene.place for scene in SCENES[:8]] == [PLACES[seed % 4] for seed in SEEDS[:8]]
     assert {scene.relation for scene in SCENES} == set(RELATIONS)
     assert {thing.form for scene in SCENES for thing in scene.marked} == set(FORMS) - {"cage"}
@@ -32,7 +32,7 @@ def gap(thing, other):
 
 
 @every_scene
-def test_things_are_numbered_marked_ones_first_and_stand_in_nothing_but_a_cage(scene):
+def test_objects_are_numbered_and_intersect_only_a_cage(scene):
     count = len(scene.marked)
     assert [thing.object_id for thing in scene.things] == [*range(1, count + 1), *[0] * (len(scene.things) - count)]
     assert len({thing.name for thing in scene.things}) == len(scene.things)
@@ -43,7 +43,7 @@ def test_things_are_numbered_marked_ones_first_and_stand_in_nothing_but_a_cage(s
 
 
 @every_scene
-def test_each_relation_is_there_where_it_is_said_to_be(scene):
+def test_stated_relation_is_present(scene):
     first, *others = scene.things
     touching = [other for other in others if abs(gap(other, first)) < 1e-6]
     twins = [other for other in others if (other.form, other.proportions) == (first.form, first.proportions)]
@@ -60,7 +60,7 @@ def test_each_relation_is_there_where_it_is_said_to_be(scene):
 
 
 @every_scene
-def test_one_edit_changes_the_first_things_main_color_and_the_other_every_color_of_marked_things(scene):
+def test_edits_repaint_the_first_or_all_marked_objects(scene):
     paints = {thing.name: thing.paint.colors for thing in scene.marked}
     first = scene.marked[0].name
     assert set(scene.repaints["first"]) == {first} and set(scene.repaints["all"]) == set(paints)

@@ -1,4 +1,4 @@
-"""Published tables: their sources, when they are stale, what the pages show, and how parts follow one another."""
+"""Published tables: their sources, staleness, pages, and the order of evaluation jobs."""
 
 import shutil
 import subprocess
@@ -13,17 +13,17 @@ from tools.metrics import METRICS
 from tools.metrics.truth import Truth
 
 STORED = {name: stored for name in TABLES if (stored := table.read(name))}
-NO_CODE = "# no code is left of it\n"
+NO_CODE = "# empty\n"
 
 
-def test_pages_show_every_table_as_it_is_stored():
+def test_pages_show_all_stored_tables():
     shown = {path: path.read_text(encoding="utf-8") for path in pages.PAGES}
     assert shown == pages.texts(), "run python3 tools/dev.py evaluate --pages"
     assert set(pages.shown_tables(shown[pages.PAGES[1]])) == set(TABLES)
 
 
 @pytest.mark.parametrize("name", STORED)
-def test_a_stored_table_has_full_rows_and_an_origin_in_the_history(name):
+def test_stored_table_has_full_rows_and_an_origin(name):
     rows, made = STORED[name]["rows"], STORED[name]["made"]
     assert rows and all(len(row) == 1 + len(STORED[name]["columns"]) for row in rows)
     assert made["sources"] and " " not in made["commit"]
@@ -31,7 +31,7 @@ def test_a_stored_table_has_full_rows_and_an_origin_in_the_history(name):
 
 @pytest.fixture
 def checkout(tmp_path):
-    """A copy of everything that tables depend on."""
+    """A copy of all files that tables depend on."""
     for folder in (sources.ROOT / "karf_engine", sources.ROOT / "tools", table.FOLDER):
         if folder.exists():
             shutil.copytree(folder, tmp_path / folder.relative_to(sources.ROOT))
@@ -47,7 +47,7 @@ def checkout(tmp_path):
         ("kan/gated_block.py", {"outside", "ablations", "segmentation"}, {"kernels"}),
     ],
 )
-def test_a_changed_module_makes_the_tables_stale_that_depend_on_it(checkout, module, stale, fresh):
+def test_changed_module_makes_only_its_tables_stale(checkout, module, stale, fresh):
     name, before = f"karf_engine/{module}", set(pages.stale_tables(checkout))
     file = checkout / name
     file.write_text(file.read_text(encoding="utf-8") + "\nNEW = 1\n")
@@ -57,7 +57,7 @@ def test_a_changed_module_makes_the_tables_stale_that_depend_on_it(checkout, mod
     assert before <= set(pages.stale_tables(checkout))
 
 
-def test_a_release_is_refused_while_a_table_is_stale(checkout):
+def test_stale_table_stops_a_release(checkout):
     (checkout / "karf_engine/metrics/masks.py").write_text(NO_CODE)
     command = [sys.executable, "-m", "tools.release", "--release", "--out", str(checkout / "dist")]
     done = subprocess.run(command, cwd=checkout, capture_output=True, text=True)
@@ -65,7 +65,7 @@ def test_a_release_is_refused_while_a_table_is_stale(checkout):
     assert not (checkout / "dist").exists()
 
 
-def test_comments_docstrings_and_formatting_make_no_table_stale(tmp_path):
+def test_comments_docstrings_and_formatting_do_not_matter(tmp_path):
     def digest(text):
         (tmp_path / "area.py").write_text(text)
         return sources.digest(tmp_path / "area.py")
@@ -75,7 +75,7 @@ def test_comments_docstrings_and_formatting_make_no_table_stale(tmp_path):
     assert first == second != digest("def area(r):\n    return 4 * r**2\n")
 
 
-def test_a_module_counts_where_its_functions_ran_or_its_constants_are_used():
+def test_sources_are_modules_run_or_used_for_constants():
     trace = sources.Trace()
     trace.start()
     Truth()
@@ -85,7 +85,7 @@ def test_a_module_counts_where_its_functions_ran_or_its_constants_are_used():
     assert f"{fused}/arrays.py" in sources.constants_of(f"{fused}/frozen.py")
 
 
-def test_a_result_is_made_once_and_again_when_its_modules_change(tmp_path):
+def test_result_is_made_again_when_its_modules_change(tmp_path):
     store, made, module = Store(tmp_path), [], "tools/metrics/__init__.py"
     store.sources = {module: "not of this"}
 
@@ -102,19 +102,16 @@ def test_a_result_is_made_once_and_again_when_its_modules_change(tmp_path):
     assert len(made) == 2
 
 
-def test_parts_come_after_what_they_need():
+def test_jobs_follow_their_needs_and_skip_current_tables():
     order = to_run(list(JOBS), lambda name: False)
     assert order == list(JOBS)
     assert all(order.index(need) < order.index(name) for name, job in JOBS.items() for need in job.needs)
     assert to_run(["outside"], lambda name: False) == ["demo", "outside"]
-
-
-def test_a_current_table_is_not_measured_again_nor_what_it_needs():
     assert to_run(["outside", "edits"], lambda name: name == "outside") == ["demo", "edits"]
     assert to_run(["outside"], lambda name: name == "outside") == []
 
 
-def test_cells_are_shown_in_their_metrics_format_and_missing_ones_empty(monkeypatch):
+def test_cells_have_their_metrics_format(monkeypatch):
     made = {"date": "2026-01-02", "commit": "0123456789", "seconds": 3, "sources": {}}
     rows = table.Table("way", {"ours": {"mse_outside": 0.000123, "seed 1": "a"}, "paper": {"seed 1": "b"}}).content()
     monkeypatch.setattr(pages, "read", lambda name: rows | {"made": made})

@@ -1,4 +1,4 @@
-"""View consistency by geometry: a textured wall seen by two cameras, a thing that hides a part of it, and the figures."""
+"""View consistency scores on a painted wall seen by several cameras."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from tools.metrics.consistency import (
 )
 
 SIZE, FOCAL, WALL = 40, 40.0, 4.0  # the wall is the plane z = -4 before cameras that look down -z
-STEPS = (-0.37, 0.0, 0.37)  # places of three cameras in a row
+STEPS = (-0.37, 0.0, 0.37)  # x of three cameras in a row
 
 
 def camera_at(x):
@@ -26,12 +26,12 @@ def camera_at(x):
     return Camera(SIZE, SIZE, FOCAL, FOCAL, SIZE / 2, SIZE / 2, pose)
 
 
-def sight(x):
+def wall_view(x):
     return DepthView(camera_at(x), np.full((SIZE, SIZE), WALL), np.ones((SIZE, SIZE), bool))
 
 
 def painted(x):
-    """The wall's picture: colors that are linear in the place on the wall, so that bilinear samples are exact."""
+    """The wall's picture: colors linear in the position on the wall, which bilinear samples keep exactly."""
     camera = camera_at(x)
     origins, directions = camera.rays(camera.pixel_centers())
     place = (origins + WALL * directions)[:, :2].reshape(SIZE, SIZE, 2)
@@ -39,30 +39,30 @@ def painted(x):
 
 
 @pytest.mark.parametrize("added", [0, 0.1])
-def test_only_a_color_that_follows_the_camera_is_an_error(added):
-    pair = match_by_depth(sight(0.0), sight(0.73))
+def test_rmse_is_the_color_difference_of_matched_points(added):
+    pair = match_by_depth(wall_view(0.0), wall_view(0.73))
     assert len(pair.pixels) > 0.7 * SIZE**2
     assert pair.rmse(painted(0.0), painted(0.73) + added) == pytest.approx(added, abs=1e-9)
 
 
-def test_only_points_inside_both_masks_that_nothing_hides_count():
-    view, other = sight(0.0), sight(0.73)
+def test_matches_are_visible_and_inside_both_masks():
+    view, other = wall_view(0.0), wall_view(0.73)
     view.mask[:10], other.mask[30:] = False, False
-    other.depth[:, :20] = 2.0  # something stands before the left half of the wall
+    other.depth[:, :20] = 2.0  # something hides the left half of the wall
     pair = match_by_depth(view, other)
     rows = pair.pixels // SIZE
     assert rows.min() == 10 and rows.max() == 29
     assert (pair.positions[:, 0] > 19).all() and len(pair.pixels) > 0.1 * SIZE**2
 
 
-def test_the_mean_is_over_all_pairs_of_the_interval_that_say_something():
+def test_mean_of_pairs_skips_nan():
     assert mean_of_pairs(5, 2, lambda a, b: float(10 * a + b)) == np.mean([2, 13, 24])
     assert mean_of_pairs(3, 1, lambda a, b: float("nan") if a else 4.0) == 4.0
     assert np.isnan(mean_of_pairs(3, 3, lambda a, b: 1.0))
 
 
 def flicker_of(pictures, views=None):
-    before, middle, after = views or map(sight, STEPS)
+    before, middle, after = views or map(wall_view, STEPS)
     return flicker(match_by_depth(middle, before), match_by_depth(middle, after), pictures)
 
 
@@ -70,26 +70,26 @@ def flicker_of(pictures, views=None):
     ("added", "expected"),
     [
         ((0, 0, 0), 0),
-        ((-0.1, 0, 0.1), 0),  # a steady change
+        ((-0.1, 0, 0.1), 0),  # steady change
         ((0, 0.1, 0), 0.1 * np.sqrt(4 / 6)),
         ((0, 0, 0.1), 0.1 * np.sqrt(1 / 6)),
     ],
 )
-def test_a_frame_that_stands_out_flickers(added, expected):
+def test_flicker_measures_deviating_frames(added, expected):
     pictures = [painted(x) + more for x, more in zip(STEPS, added, strict=True)]
     assert flicker_of(pictures) == pytest.approx(expected, abs=1e-9)
 
 
-def test_noise_drawn_anew_in_each_frame_flickers_by_its_deviation():
-    before, middle, after = map(sight, STEPS)
+def test_flicker_of_noise_is_its_standard_deviation():
+    before, middle, after = map(wall_view, STEPS)
     pairs = match_by_depth(middle, before), match_by_depth(middle, after)
     colors = np.random.default_rng(0).normal(0, 0.05, (1000, 3, 1, 1, 3))
     values = [flicker(*pairs, np.broadcast_to(each, (3, SIZE, SIZE, 3))) for each in colors]
     assert np.sqrt(np.mean(np.square(values))) == pytest.approx(0.05, rel=0.05)
 
 
-def test_only_points_that_all_three_frames_show_flicker():
-    three = [sight(x) for x in STEPS]
+def test_flicker_uses_points_visible_in_all_frames():
+    three = [wall_view(x) for x in STEPS]
     three[0].mask[:10], three[2].mask[30:] = False, False
     first, shown, last = (painted(x) for x in STEPS)
     shown[:10], shown[30:] = 1, 1
@@ -98,7 +98,7 @@ def test_only_points_that_all_three_frames_show_flicker():
     assert np.isnan(flicker_of((first, shown, last), three))
 
 
-def test_flow_follows_a_picture_that_moves_and_carries_it_back():
+def test_optical_flow_follows_a_moving_picture():
     first, second = smooth_texture(0), smooth_texture(3)
     flow = optical_flow(first, second)
     assert np.abs(np.median(flow[10:-10, 10:-10], (0, 1)) - [3, 0]).max() < 0.2
@@ -106,7 +106,7 @@ def test_flow_follows_a_picture_that_moves_and_carries_it_back():
     assert flow_rmse(first, second, first, second + 0.1) == pytest.approx(0.1, abs=0.02)
 
 
-def test_what_does_not_return_or_lies_at_a_motion_boundary_is_left_out():
+def test_inconsistent_flow_and_motion_boundaries_are_excluded():
     forward = np.full((20, 30, 2), [4.0, -2.0], np.float32)
     assert visible_by_flow(forward, -forward).all() and not visible_by_flow(forward, forward).any()
     forward[:, 15:] = 0
@@ -114,7 +114,7 @@ def test_what_does_not_return_or_lies_at_a_motion_boundary_is_left_out():
     assert not visible[:, 14:16].any() and visible[:, :9].all() and visible[:, 17:].all()
 
 
-def test_samples_at_pixel_centers_are_the_pixels():
+def test_samples_at_pixel_centers_are_pixels():
     picture = np.random.default_rng(0).random((5, 7, 3))
     centers = Camera(7, 5, 1, 1, 0, 0, np.eye(4)).pixel_centers()
     np.testing.assert_allclose(sample_bilinear(picture, centers), picture.reshape(-1, 3))

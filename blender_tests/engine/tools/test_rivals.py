@@ -1,4 +1,4 @@
-"""The rules of others, each on a tiny scene whose answer is known."""
+"""The recoloring rules of other methods, each on a tiny scene with a known answer."""
 
 from types import SimpleNamespace
 
@@ -22,8 +22,8 @@ PALETTE = np.array([[0, 0, 0], [0.8, 0.1, 0.1]], np.float32)
 SHORT = Training(iterations=80, batch=128)
 
 
-def red_thing(count=400):
-    """A red thing that is darker to one side."""
+def red_object(count=400):
+    """A red object that is darker to one side."""
     random = torch.Generator().manual_seed(0)
     positions = torch.rand(count, 3, generator=random)
     shade = 0.4 + 0.6 * positions[:, :1]
@@ -32,13 +32,13 @@ def red_thing(count=400):
 
 
 @pytest.mark.parametrize("rule", [PaletteNerf, RecolorNerf, LaeNerf])
-def test_a_learned_rule_of_layers_paints_a_red_thing_blue_and_keeps_its_shade(rule):
+def test_learned_rule_recolors_and_keeps_the_shading(rule):
     torch.manual_seed(0)
-    points = red_thing()
-    layers = rule(points, PALETTE)
-    before = float(layers.loss(torch.arange(len(points)), 0.9).detach())
+    points = red_object()
+    layers, every = rule(points, PALETTE), torch.arange(len(points))
+    before = float(layers.loss(every, 0.9).detach())
     learn(layers, len(points), SHORT, torch.Generator().manual_seed(0))
-    assert float(layers.loss(torch.arange(len(points)), 0.9)) < before / 2
+    assert float(layers.loss(every, 0.9)) < before / 2
     edited = torch.from_numpy(edited_palette(layers, points, RED, BLUE)).float()
     weights = layers.weights(points.positions, points.features, points.viewdirs)
     shown = points.colors + weights @ (edited - layers.palette)
@@ -46,8 +46,8 @@ def test_a_learned_rule_of_layers_paints_a_red_thing_blue_and_keeps_its_shade(ru
     assert float((shown - wanted).abs().mean()) < 0.08 < float((points.colors - wanted).abs().mean()) / 2
 
 
-def test_an_edit_reaches_a_pixel_as_far_as_the_object_does():
-    """Two rays of two samples: one of the first is half the object's, those of the second are another one's."""
+def test_edit_is_weighted_by_object_probability():
+    """Two rays: the first has one sample, half of it the object; both samples of the second are another object's."""
     values, ones = torch.zeros(2, 2, 3), torch.ones(2)
     cache = SurfaceCache(values, torch.ones(2, 2), values[:, 0], ones, torch.arange(2))
     frame = SimpleNamespace(picture=SimpleNamespace(cache=cache), base=np.full((1, 2, 3), 0.2, np.float32))
@@ -62,7 +62,7 @@ def test_an_edit_reaches_a_pixel_as_far_as_the_object_does():
     assert picture == pytest.approx(np.array([[[0.3, 0.2, 0.2], [0.2, 0.2, 0.2]]]))
 
 
-def test_formulas_are_those_of_the_papers():
+def test_formulas_match_the_papers():
     weights = recolornerf.over_weights(torch.tensor([[0.5, 0.25], [0.3, 1.0]]))
     assert weights.numpy() == pytest.approx(np.array([[0.375, 0.375, 0.25], [0, 0, 1]]))
     assert float(sparsity(torch.tensor([[0.0, 1.0, 0.0]]))) == pytest.approx(0)
@@ -79,16 +79,16 @@ def camera_at(x):
 
 
 def wall(base):
-    """A wall one unit ahead, all of it the object."""
+    """A wall one unit ahead that is all one object."""
     depth, own = np.ones((8, 8), np.float32), np.ones((1, 8, 8), np.float32)
     return SimpleNamespace(base=base, depth=depth, probabilities=own, masks=own > 0.5)
 
 
-def test_a_change_is_carried_to_where_its_surface_is_seen_and_to_alike_colors_where_it_was_hidden():
+def test_change_is_carried_by_surface_and_else_by_color():
     base = np.full((8, 8, 3), 0.3)
     base[:, 4:] = 0.6
     change = np.where(base > 0.5, 0.2, -0.1)
     moved = np.roll(base, -2, axis=1)  # the second camera stands two pixels to the right
-    moved[:, 6:] = 0.6  # what it sees there the first does not
+    moved[:, 6:] = 0.6  # hidden from the first camera
     found = carried_over(Painted(camera_at(0), wall(base), change), camera_at(0.25), wall(moved), 0)
     assert found == pytest.approx(np.where(moved > 0.5, 0.2, -0.1), abs=1e-6)

@@ -1,4 +1,4 @@
-"""All that the extension shows is translated, and translated as it is filled in."""
+"""Every text of the extension is translated with the same placeholders, and .po files are read and extended."""
 
 import string
 
@@ -9,7 +9,7 @@ from tools import translations
 
 @pytest.fixture
 def po(tmp_path):
-    """Write the file of a language."""
+    """Write a .po file and return its path."""
 
     def write(content):
         path = tmp_path / "xx.po"
@@ -20,29 +20,26 @@ def po(tmp_path):
 
 
 @pytest.mark.parametrize("language", translations.languages())
-def test_a_language_has_every_text_with_the_places_of_its_values_and_no_other(language):
-    def places(text):
+def test_language_has_exactly_all_texts_and_placeholders(language):
+    def placeholders(text):
         return sorted(name for _, name, _, _ in string.Formatter().parse(text) if name)
 
     assert translations.missing(language) == {} and translations.stale(language) == []
     for (_, text), translated in translations.table(language).items():
-        assert translated.strip() and places(text) == places(translated), text
+        assert translated.strip() and placeholders(text) == placeholders(translated), text
 
 
-def test_what_is_shown_and_sentences_of_errors_are_found():
+def test_shown_texts_and_error_sentences_are_found():
     assert translations.untranslatable() == []
     shown = {"Learn Scene", "2  Learn Scene", "Skip Existing", "Photo plus change", "About a minute on this computer"}
     assert shown <= translations.texts().keys()
-    assert {
-        "The scene {name} has no capture.",
-        "Import a capture first.",
-        "{file} (edit planes) was made from other palettes.",
-        "The pictures are in {folder}.",
-    } <= translations.sentences(translations.ROOT).keys()
+    sentences = {"The scene {name} has no capture.", "Import a capture first.", "The pictures are in {folder}."}
+    sentences.add("{file} (edit planes) was made from other palettes.")
+    assert sentences <= translations.sentences(translations.ROOT).keys()
     assert "{path} marks nothing of {name}." in translations.sentences(translations.ENGINE)
 
 
-def test_a_file_is_read_as_gettext_does(po):
+def test_po_file_is_read_like_gettext(po):
     path = po(
         'msgid ""\nmsgstr ""\n"Language: xx\\n"\n\n'
         '# of a translator\n#: a.py:1\nmsgid "Close"\nmsgstr "zu"\n\n'
@@ -68,12 +65,12 @@ def test_a_file_is_read_as_gettext_does(po):
         ('msgid "a"\nmsgstr "c"\n', "line 4: 'a' is translated twice"),
     ],
 )
-def test_a_malformed_file_is_refused_with_its_line(po, entry, reason):
+def test_malformed_po_file_is_rejected_with_its_line(po, entry, reason):
     with pytest.raises(ValueError, match=f"xx.po, {reason}"):
         translations.read_po(po('msgid "a"\nmsgstr "b"\n\n' + entry))
 
 
-def test_missing_texts_are_added_once_as_empty_entries_below_a_header(po, tmp_path):
+def test_missing_texts_are_added_once_as_empty_entries(po, tmp_path):
     path = po('msgid "Learn Scene"\nmsgstr "lernen"\n')
     assert translations.add_missing("xx", path) == len(translations.all_texts()) - 1
     assert translations.add_missing("xx", path) == 0

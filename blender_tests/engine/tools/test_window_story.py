@@ -1,4 +1,4 @@
-"""The record, transcript and screenshots of the window story; the story itself needs a Blender window."""
+"""The window story's record, transcript and screenshots; the story itself needs a Blender window."""
 
 import re
 import struct
@@ -11,13 +11,13 @@ import pytest
 from blender_tests.engine.conftest import ROOT
 from tools.window import record, screen
 
-HOLDS = record.Step("drag", "mouse", "The picture follows.", record.PASSED, 1.5, ["seven pictures"], ["drag"])
-FAILS = record.Step("undo", "keys", "It is back.", record.FAILED, 1.0, ["the picture\nis another"])
-NOT_DONE = record.Step("render", "keys", "It renders.")
+PASSED = record.Step("drag", "mouse", "The picture follows.", record.PASSED, 1.5, ["seven pictures"], ["drag"])
+FAILED = record.Step("undo", "keys", "It is back.", record.FAILED, 1.0, ["the picture\nis another"])
+NOT_RUN = record.Step("render", "keys", "It renders.")
 LOG = "Read blend\nTraceback (most recent call last):\n  File 'a', line 1\n    x\nKeyError: 'pot'\nSaved\n"
 
 
-def test_a_window_dump_becomes_the_pixels_of_the_screen():
+def test_window_dump_is_read_as_pixels():
     height, width, padding = 5, 7, 3
     rows = np.random.default_rng(0).integers(0, 256, (height, width + padding, 4), np.uint8)
     line = 4 * (width + padding)
@@ -27,20 +27,20 @@ def test_a_window_dump_becomes_the_pixels_of_the_screen():
     np.testing.assert_array_equal(screen.pixels_of(dump), rows[:, :width, 2::-1])
 
 
-def test_a_record_is_read_as_it_was_written(tmp_path):
+def test_record_survives_writing_and_reading(tmp_path):
     assert record.read(tmp_path / "record.json") == []
-    for steps in ([HOLDS], [HOLDS, FAILS]):
+    for steps in ([PASSED], [PASSED, FAILED]):
         record.write(tmp_path / "record.json", steps)
         assert record.read(tmp_path / "record.json") == steps
 
 
-def test_every_traceback_in_a_log_is_found_by_what_it_says():
+def test_tracebacks_in_a_log_are_found():
     assert record.tracebacks("Saved\nError: no file\n") == []
     assert record.tracebacks(LOG * 2) == ["KeyError: 'pot'"] * 2
     assert record.tracebacks("Traceback (most recent call last):\n  File 'a'\n") == ["a traceback without an end"]
 
 
-def test_a_process_with_a_file_of_the_desk_is_found_until_it_ends(tmp_path):
+def test_running_engine_process_is_found(tmp_path):
     command = [sys.executable, "-c", "print(flush=True); input()", str(tmp_path / "project")]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         process.stdout.readline()
@@ -49,16 +49,16 @@ def test_a_process_with_a_file_of_the_desk_is_found_until_it_ends(tmp_path):
     assert record.engine_processes(tmp_path) == []
 
 
-@pytest.mark.parametrize("steps", [[HOLDS], [HOLDS, FAILS], [HOLDS, NOT_DONE], []])
+@pytest.mark.parametrize("steps", [[PASSED], [PASSED, FAILED], [PASSED, NOT_RUN], []])
 @pytest.mark.parametrize("findings", [[], ["a process is left"]])
-def test_a_run_is_clean_only_where_every_step_passed_and_nothing_was_found(steps, findings):
-    is_clean = steps == [HOLDS] and not findings
+def test_run_is_clean_if_all_passed_without_findings(steps, findings):
+    is_clean = steps == [PASSED] and not findings
     assert record.is_clean(steps, findings) == is_clean
     assert ("every step holds" in record.transcript("Blender 5.2", steps, findings)) == is_clean
 
 
-def test_the_transcript_has_what_was_promised_and_found():
-    lines = record.transcript("Blender 5.2", [HOLDS, FAILS], ["a process is left"]).splitlines()
+def test_transcript_lists_steps_and_findings():
+    lines = record.transcript("Blender 5.2", [PASSED, FAILED], ["a process is left"]).splitlines()
     assert lines[0] == "# Blender 5.2: **not clean**"
     assert {
         "| drag | The picture follows. | mouse | passed | 1.5 |",
@@ -70,7 +70,7 @@ def test_the_transcript_has_what_was_promised_and_found():
     } <= set(lines)
 
 
-def test_the_story_clicks_buttons_that_exist():
+def test_story_clicks_existing_operators():
     folders = ("karf_blender/operators", "tools/window")
     operators, story = ("".join(file.read_text() for file in (ROOT / folder).glob("*.py")) for folder in folders)
     clicked = set(re.findall(r"[\"']karf\\\.(\w+)", story)) - {"objects"}

@@ -1,65 +1,49 @@
-"""A worker asked queries: each gets one event, a job that follows ends the wait, and a session keeps what it made."""
+"""A worker's loop of queries: one event for each query, when it ends, and the session's cache."""
 
+import itertools
 import queue
 import threading
 import time
+from unittest.mock import Mock
 
 import pytest
 
 from karf_engine.errors import DataError, OutOfMemory
-from karf_engine.worker import queries as kinds_module
+from karf_engine.worker import queries
 from karf_engine.worker.loop import Worker
 from karf_engine.worker.path_map import PathMap
 from karf_engine.worker.protocol import WARM, EventReader, Query, Request, folder_line
 from karf_engine.worker.queries.session import MAX_CACHED, Session
 
-SAME_PATHS = PathMap()
-
-
-def line(number, kind="echo", **options):
-    return Query(number, kind, options).encode() + "\n"
-
-
-class Lines:
-    """Standard input: lines as they are written, the end when it is closed."""
-
-    def __init__(self):
-        self._queue = queue.SimpleQueue()
-
-    def write(self, text):
-        self._queue.put(text)
-
-    def close(self):
-        self.write(None)
-
-    def __iter__(self):
-        return iter(self._queue.get, None)
-
 
 @pytest.fixture
 def kinds(monkeypatch):
-    """The kinds of queries: `echo` answers with its options."""
+    """The known kinds of queries: `echo` answers with its options."""
     kinds = {"echo": lambda session, options: {"options": options}}
-    monkeypatch.setattr(kinds_module, "QUERIES", kinds)
+    monkeypatch.setattr(queries, "QUERIES", kinds)
     return kinds
 
 
-class Beside(threading.Thread):
-    """A worker beside the test, at a job that answers queries; `next()` is its next event after the first."""
+class RunningWorker(threading.Thread):
+    """A worker thread that answers the queries of a job; `write(None)` closes its standard input."""
 
-    def __init__(self, folder, lines, paths=SAME_PATHS, **options):
+    def __init__(self, folder, path_map=(), **options):
         super().__init__(daemon=True)
-        self.code, self._lines, self._job = None, lines, folder / "job"
-        self._worker = Worker(paths)
+        self.code, self._job, self._lines = None, folder / "job", queue.SimpleQueue()
+        self._worker, self.write = Worker(PathMap.of(path_map)), self._lines.put
         Request(WARM, folder, options).write(self._job)
         self._reader, self._events = EventReader(self._job), []
         self.start()
         assert self.next()[0] == "hello"
 
     def run(self):
-        self.code = self._worker.serve(self._job, self._lines)
+        self.code = self._worker.serve(self._job, iter(self._lines.get, None))
+
+    def ask(self, number, kind="echo", **options):
+        self.write(Query(number, kind, options).encode() + "\n")
 
     def next(self):
+        """Return the next event after the first."""
         end = time.monotonic() + 20
         while not self._events:
             assert time.monotonic() < end, "no event"
@@ -68,53 +52,42 @@ class Beside(threading.Thread):
         event = self._events.pop(0)
         return event.kind, event.values
 
-    def ended(self):
-        """Wait for its end; the exit code."""
+    def wait(self):
+        """Wait for the end of the thread; return the exit code."""
         self.join(20)
         assert not self.is_alive()
         return self.code
 
 
 @pytest.fixture
-def stream():
-    return Lines()
+def worker(tmp_path, kinds):
+    return RunningWorker(tmp_path)
 
 
-@pytest.fixture
-def worker(tmp_path, stream, kinds):
-    return Beside(tmp_path, stream)
-
-
-def test_every_query_is_answered_by_its_number(worker, stream):
+def test_queries_are_answered_by_number(worker):
     for number in (7, 8):
-        stream.write(line(number, n=number))
+        worker.ask(number, n=number)
         assert worker.next() == ("answer", {"id": number, "options": {"n": number}})
-    stream.close()
-    assert worker.ended() == 0 and worker.next()[0] == "done"
+    worker.write(None)
+    assert worker.wait() == 0 and worker.next()[0] == "done"
 
 
-def test_of_a_kind_only_the_latest_that_waits_is_answered(worker, stream, kinds):
+def test_only_the_latest_waiting_query_of_a_kind_is_answered(worker, kinds):
     begun, go = threading.Event(), threading.Event()
-
-    def slow(session, options):
-        begun.set()
-        go.wait(20)
-        return {}
-
-    kinds["slow"] = slow
-    stream.write(line(1, "slow"))
+    kinds["slow"] = lambda session, options: (begun.set(), go.wait(20), {})[-1]
+    worker.ask(1, "slow")
     begun.wait(20)
     for number in (2, 3, 4):
-        stream.write(line(number, "echo"))
-    stream.write(line(5, "slow"))
+        worker.ask(number, "echo")
+    worker.ask(5, "slow")
     go.set()
     events = [worker.next() for _ in range(5)]
     assert [values["id"] for kind, values in events if kind == "dropped"] == [2, 3]
     assert [values["id"] for kind, values in events if kind == "answer"] == [1, 4, 5]
 
 
-@pytest.mark.parametrize("why", ["a later query", "the caller is gone"])
-def test_an_answer_that_takes_long_stops_where_nobody_waits_for_it(worker, stream, kinds, why):
+@pytest.mark.parametrize("why", ["later query", "caller gone"])
+def test_unwanted_answer_is_stopped(worker, kinds, why):
     begun = threading.Event()
 
     def until_stopped(session, options):
@@ -124,37 +97,34 @@ def test_an_answer_that_takes_long_stops_where_nobody_waits_for_it(worker, strea
         return {}
 
     kinds["echo"] = until_stopped
-    stream.write(line(1, is_long=True))
+    worker.ask(1, is_long=True)
     begun.wait(20)
-    if why == "a later query":
-        stream.write(line(2))
+    if why == "later query":
+        worker.ask(2)
         assert [worker.next() for _ in range(2)] == [("dropped", {"id": 1}), ("answer", {"id": 2})]
     else:
-        stream.close()
-        worker.ended()
+        worker.write(None)
+        worker.wait()
 
 
 @pytest.mark.parametrize("end", [None, "cancel\n", folder_line("another job") + "\n"])
-def test_the_end_of_input_the_word_or_another_job_ends_it(worker, stream, end):
-    stream.write(end)
-    assert worker.ended() == 0 and worker.next()[0] == "done"
+def test_worker_ends_on_end_of_input_cancel_or_another_job(worker, end):
+    worker.write(end)
+    assert worker.wait() == 0 and worker.next()[0] == "done"
 
 
-def test_no_query_for_a_while_ends_it(tmp_path, stream, kinds):
-    assert Beside(tmp_path, stream, idle_minutes=0).ended() == 0
+def test_worker_ends_when_idle(tmp_path, kinds):
+    assert RunningWorker(tmp_path, idle_minutes=0).wait() == 0
 
 
-def test_what_fails_is_refused_in_a_sentence_and_the_next_is_answered(worker, stream, kinds):
-    def fail(session, options):
-        raise DataError("a.png is missing.", "Find it.")
-
-    kinds["fail"] = fail
-    stream.write(line(0, "fail"))
+def test_failed_query_is_refused_and_the_next_is_answered(worker, kinds):
+    kinds["fail"] = Mock(side_effect=DataError("a.png is missing.", "Find it."))
+    worker.ask(0, "fail")
     assert worker.next() == ("refused", {"id": 0, "code": "data", "sentence": "a.png is missing.", "hint": "Find it."})
-    stream.write(line(1, "paint"))
+    worker.ask(1, "paint")
     kind, values = worker.next()
     assert kind == "refused" and "Unknown kind of query 'paint'" in values["sentence"]
-    stream.write(line(3))
+    worker.ask(3)
     assert worker.next()[0] == "answer"
 
 
@@ -162,24 +132,24 @@ def test_what_fails_is_refused_in_a_sentence_and_the_next_is_answered(worker, st
     "text",
     ["{", "[1]", "7", "[" * 100_000, '{"id": "1", "kind": "echo", "options": {}}', '{"id": 1, "kind": "echo"}'],
 )
-def test_lines_that_say_nothing_are_warned_of_and_passed_over(worker, stream, text):
-    stream.write(text + "\n")
+def test_malformed_lines_cause_a_warning_only(worker, text):
+    worker.write(text + "\n")
     kind, values = worker.next()
     assert kind == "warning" and values["code"] == "request"
-    stream.write(line(1))
+    worker.ask(1)
     assert worker.next()[0] == "answer"
 
 
-def test_paths_of_the_caller_are_those_of_this_computer(tmp_path, stream, kinds):
+def test_caller_paths_are_mapped_in_queries(tmp_path, kinds):
     seen = []
     kinds["echo"] = lambda session, options: seen.append(options) or {}
-    worker = Beside(tmp_path, stream, PathMap.of(["/mnt/film=/srv/film", f"{tmp_path}={tmp_path}"]))
-    stream.write(line(1, project="/mnt/film/pots", side=3))
+    worker = RunningWorker(tmp_path, ["/mnt/film=/srv/film", f"{tmp_path}={tmp_path}"])
+    worker.ask(1, project="/mnt/film/pots", side=3)
     assert worker.next() == ("answer", {"id": 1})
     assert seen == [{"project": "/srv/film/pots", "side": 3}]
 
 
-def test_memory_that_ran_out_lets_all_go(worker, stream, kinds):
+def test_out_of_memory_empties_the_cache(worker, kinds):
     made = []
 
     def hungry(session, options):
@@ -190,29 +160,20 @@ def test_memory_that_ran_out_lets_all_go(worker, stream, kinds):
 
     kinds["echo"] = hungry
     for number, is_large in enumerate((False, True, False)):
-        stream.write(line(number, is_large=is_large))
+        worker.ask(number, is_large=is_large)
         _, values = worker.next()
         assert values.get("code") == ("memory" if is_large else None)
     assert made == ["anew", "anew"]
 
 
-# ------------------------------------------------------------------------------------------------------------ a session
-@pytest.fixture
-def session(tmp_path):
-    return Session(tmp_path)
+def test_cached_value_is_made_again_when_its_version_changes(tmp_path):
+    session, made = Session(tmp_path), itertools.count()
+    found = [session.cached("pots", version, lambda: next(made)) for version in "aabba"]
+    assert found == [0, 0, 1, 1, 2]
 
 
-def test_a_thing_is_made_once_and_again_when_its_mark_changes(session):
-    made = []
-
-    def make():
-        made.append(len(made))
-        return made[-1]
-
-    assert [session.cached("pots", mark, make) for mark in ("a", "a", "b", "b", "a")] == [0, 0, 1, 1, 2]
-
-
-def test_what_was_not_asked_for_longest_is_let_go(session):
+def test_least_recently_used_value_is_dropped(tmp_path):
+    session = Session(tmp_path)
     for name in range(MAX_CACHED):
         session.cached(name, "", lambda name=name: name)
     session.cached(0, "", lambda: "anew")
@@ -220,6 +181,7 @@ def test_what_was_not_asked_for_longest_is_let_go(session):
     assert session.cached(0, "", lambda: "anew") == 0 and session.cached(1, "", lambda: "anew") == "anew"
 
 
-def test_files_of_answers_lie_below_the_session_and_each_is_another(session, tmp_path):
+def test_answer_files_are_distinct_and_below_the_session(tmp_path):
+    session = Session(tmp_path)
     first, second = session.file("preview.npz"), session.file("preview.npz")
     assert first != second and first.parent == second.parent == tmp_path / "answers" and first.parent.is_dir()

@@ -1,4 +1,4 @@
-"""Made lock files of tiny wheels for this computer and Python, and the uv that puts them in place."""
+"""Tiny wheels with lock files for this computer and Python, and the uv that installs them."""
 
 import importlib
 import os
@@ -11,23 +11,23 @@ from types import SimpleNamespace
 import pytest
 
 from ...conftest import MODULE
-from . import wheels as making
+from . import wheels
 
-ROOM = "chores computer home installation locks plan".split()
+MODULE_NAMES = "chores computer home installation locks plan".split()
 PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
 @pytest.fixture
 def managed(addon):
-    """The room's modules by name."""
+    """The installer's modules by name."""
     package = f"{MODULE}.karf_blender.engine.installer"
-    modules = {name: importlib.import_module(f"{package}.{name}") for name in ROOM}
+    modules = {name: importlib.import_module(f"{package}.{name}") for name in MODULE_NAMES}
     return SimpleNamespace(**modules, api=addon.engine_api, processes=addon.processes)
 
 
 @pytest.fixture
 def uv(monkeypatch):
-    """uv: that of KARF_TEST_UV, of this environment, or of the PATH. It is shown no index but what a test gives it."""
+    """uv from KARF_TEST_UV, this environment or the PATH, without any configured index."""
     beside = shutil.which("uv", path=Path(sys.executable).parent)
     found = os.environ.get("KARF_TEST_UV") or beside or shutil.which("uv")
     if not found:
@@ -39,8 +39,8 @@ def uv(monkeypatch):
     return found
 
 
-class Kitchen:
-    """Lock files of this computer and their wheels, which a test may change."""
+class Stock:
+    """Wheels with lock files for this computer, which tests may change."""
 
     def __init__(self, folder, managed):
         self.folder, self.requirements, self.locks = folder / "wheels", folder / "requirements", managed.locks
@@ -48,9 +48,9 @@ class Kitchen:
         self.requirements.mkdir()
         self.here = managed.computer.Machine(managed.computer.detect_machine().platform)
         self.lists = {"cuda": {}, "photos": {}, "uv": {}}
-        for name in making.MODULES:
+        for name in wheels.MODULES:
             self.add(name, "1.0")
-        self.add("torch", "2.0", making.torch("2.0", "13.0"))
+        self.add("torch", "2.0", wheels.torch("2.0", "13.0"))
         self.add("pycolmap", "4.0")
         system, _, processor = self.here.platform.partition("-")
         tags = {"linux": f"manylinux_2_17_{processor}", "windows": "win_amd64", "macos": "macosx_11_0_arm64"}
@@ -58,10 +58,10 @@ class Kitchen:
         self.add("uv", "0.1", tag=self.uv_tag)
 
     def add(self, name, version, code=None, tag="py3-none-any", more=None):
-        """Make the wheel of a package, and lock it."""
-        path = making.make(self.folder, name, version, code, tag, more)
+        """Make the wheel of a package and lock it."""
+        path = wheels.make(self.folder, name, version, code, tag, more)
         part = {"pycolmap": "photos", "uv": "uv"}.get(name, "cuda")
-        self.lists[part][name] = making.locked(path, name, version)
+        self.lists[part][name] = wheels.locked(path, name, version)
         builds = self.lists | {"cpu": self.lists["cuda"] | {"torch": "# torch-2.0+cpu-*.whl 1000\ntorch==2.0\n"}}
         for each, packages in builds.items():
             file = "uv.txt" if each == "uv" else f"{self.here.platform}-{each}.txt"
@@ -70,50 +70,49 @@ class Kitchen:
 
 
 @pytest.fixture
-def kitchen(managed, tmp_path, monkeypatch):
+def stock(managed, tmp_path, monkeypatch):
     monkeypatch.setattr(managed.locks, "FOLDER", tmp_path / "requirements")
-    yield Kitchen(tmp_path, managed)
+    yield Stock(tmp_path, managed)
     managed.locks.read.cache_clear()
 
 
 @pytest.fixture
 def place(tmp_path):
-    """Where the engine goes: a folder with spaces and letters of other languages."""
+    """The engine's folder, whose path has spaces and non-ASCII letters."""
     return tmp_path / "Pötte & Äpfel 李" / "engine"
 
 
 @pytest.fixture
-def index(kitchen):
-    served = making.Index(kitchen.folder)
+def index(stock):
+    served = wheels.Index(stock.folder)
     yield served
     served.close()
 
 
 @pytest.fixture
-def planned(managed, kitchen, uv, place, monkeypatch):
-    """A function that plans: from the folder of wheels, or from an index."""
+def planned(managed, stock, uv, place, monkeypatch):
+    """A function that plans from the folder of wheels or from an index."""
 
     def plan(index=None, extras=(), build="cuda", folder=place, starter=uv):
-        choices = managed.plan.Choices(folder, build, extras, None if index else kitchen.folder, starter)
+        choices = managed.plan.Choices(folder, build, extras, None if index else stock.folder, starter)
         if index:
             monkeypatch.setenv("UV_DEFAULT_INDEX", index.url)
-        return managed.plan.make(choices, sys.executable, True, os.environ, kitchen.here)
+        return managed.plan.make(choices, sys.executable, True, os.environ, stock.here)
 
     return plan
 
 
 @pytest.fixture
 def install(managed, planned):
-    """A function that installs by a plan, and returns what the folder is then."""
+    """A function that installs a plan and returns the folder's status."""
 
-    def run(plan=None):
-        plan = plan or planned()
-        work = managed.installation.Installation(plan)
+    def install(plan=None):
+        work = managed.installation.Installation(plan or planned())
         finish(work)
         work.check()
-        return managed.home.status(plan.folder)
+        return managed.home.status(work.plan.folder)
 
-    return run
+    return install
 
 
 def finish(work):

@@ -1,4 +1,4 @@
-"""This computer: which device torch could use, who can make an environment, and what its shells are given."""
+"""What this computer has: devices for torch, programs that make environments, and shells."""
 
 import shutil
 import subprocess
@@ -26,7 +26,7 @@ AMD, NO_AMD = ({"dev/kfd": "", NODE: f"gfx_target_version {number}\n"} for numbe
         ("FreeBSD", "amd64", {}, "freebsd-x86_64", (), ""),
     ],
 )
-def test_drivers_are_found_without_torch(managed, tmp_path, system, processor, files, platform, devices, builds):
+def test_drivers_are_detected_without_torch(managed, tmp_path, system, processor, files, platform, devices, builds):
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -35,7 +35,6 @@ def test_drivers_are_found_without_torch(managed, tmp_path, system, processor, f
     assert here.device_sentence.startswith("Found " if devices else "No graphics driver")
 
 
-# --- starters -----------------------------------------------------------------------------------------------------
 def program(path, text):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(f"#!/bin/sh\n{text}\n")
@@ -49,14 +48,14 @@ def python(path, version="3 12", has_venv=True, bits=64):
 
 @pytest.fixture
 def find(managed, tmp_path, monkeypatch):
-    """A function that searches for a starter in a temporary PATH."""
+    """A function that searches a temporary PATH for a starter."""
     if sys.platform == "win32":
-        pytest.skip("the made programs are shell scripts")
+        pytest.skip("the programs are shell scripts")
     monkeypatch.setattr(managed.computer, "UNIX_FOLDERS", ())
     return lambda own, chosen="": managed.computer.find_starter(chosen, own, {"PATH": str(tmp_path / "bin")})
 
 
-def test_blenders_own_python_comes_first_then_uv_then_others(managed, find, tmp_path):
+def test_starter_is_blenders_python_then_uv_then_others(managed, find, tmp_path):
     starter = managed.computer.Starter
     can, cannot = python(tmp_path / "own"), python(tmp_path / "bare", "3 14", has_venv=False)
     other = python(tmp_path / "bin" / "python3.13", "3 13")
@@ -69,7 +68,7 @@ def test_blenders_own_python_comes_first_then_uv_then_others(managed, find, tmp_
     assert find(can, chosen=uv).uv == uv
 
 
-def test_error_without_a_starter_lists_all_that_was_tried(managed, find, tmp_path):
+def test_error_without_a_starter_lists_the_candidates(managed, find, tmp_path):
     python(tmp_path / "bin" / "python3.11", "3 11", bits=32)
     program(tmp_path / "bin" / "python3", "exit 1")
     with pytest.raises(managed.api.MissingDependency) as caught:
@@ -80,7 +79,6 @@ def test_error_without_a_starter_lists_all_that_was_tried(managed, find, tmp_pat
         find(python(tmp_path / "own"), chosen=str(tmp_path / "gone"))
 
 
-# --- shells -------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("word", "powershell", "cmd"),
     [
@@ -92,7 +90,7 @@ def test_error_without_a_starter_lists_all_that_was_tried(managed, find, tmp_pat
         ("ü&$HOME;", "'ü&$HOME;'", '"ü&$HOME;"'),
     ],
 )
-def test_words_survive_every_shell(managed, word, powershell, cmd):
+def test_arguments_survive_every_shell(managed, word, powershell, cmd):
     line = managed.computer.shell_line
     assert line(["run", word], "powershell") == f"& run {powershell}"
     assert line(["run", word], "cmd") == f"run {cmd}"

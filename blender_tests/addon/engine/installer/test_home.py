@@ -1,44 +1,39 @@
-"""The engine's folder: its states, what may be claimed, what is removed, how much it takes."""
+"""The engine's folder: its status, claiming, removal and size."""
 
 import json
 
 import pytest
 
 
-@pytest.fixture
-def claimed(managed, tmp_path):
-    """A folder that is KaRF's, with the environments `env` and, above it, `elsewhere`."""
-    for environment in (tmp_path / "engine" / "env", tmp_path / "elsewhere"):
-        python = managed.home.python_of(environment)
-        python.parent.mkdir(parents=True)
-        python.touch()
-    mark = {"schema": managed.home.SCHEMA, "build": "cpu", "extras": ["photos", "fast"], "python": "3.11"}
-    (tmp_path / "engine" / "karf-engine.json").write_text(json.dumps(mark | {"platform": "linux-x86_64"}))
-    return tmp_path / "engine"
-
-
 @pytest.mark.parametrize(
     ("installed", "state"),
     [
         (None, "unfinished"),
-        ({}, "outdated"),  # of an earlier version, which had one environment
+        ({}, "outdated"),  # from a version with a single environment
         ({"environment": "env"}, "outdated"),
         ({"environment": "env-2"}, "broken"),
         *(({"environment": name}, "unfinished") for name in ("../elsewhere", "env-x", "", 7, None)),
     ],
 )
-def test_status_follows_the_environment_named_in_installed_json(managed, claimed, installed, state):
+def test_status_is_that_of_the_recorded_environment(managed, tmp_path, installed, state):
+    folder = tmp_path / "engine"
+    for environment in (folder / "env", tmp_path / "elsewhere"):
+        python = managed.home.python_of(environment)
+        python.parent.mkdir(parents=True)
+        python.touch()
+    mark = {"schema": managed.home.SCHEMA, "build": "cpu", "extras": ["photos", "fast"], "python": "3.11"}
+    (folder / "karf-engine.json").write_text(json.dumps(mark | {"platform": "linux-x86_64"}))
     if installed is not None:
         content = {"schema": managed.home.SCHEMA, "torch": "2.0", "digest": "of other packages"}
-        (claimed / "installed.json").write_text(json.dumps(content | installed))
-    status = managed.home.status(claimed)
-    assert (status.state, status.extras) == (state, ("photos",))  # earlier versions had numba as the extra `fast`
-    python = managed.home.python_of(claimed / "env")
-    assert managed.home.python_in(claimed) == (python if state == "outdated" else None)
+        (folder / "installed.json").write_text(json.dumps(content | installed))
+    status = managed.home.status(folder)
+    assert (status.state, status.extras) == (state, ("photos",))  # `fast`, numba, was an extra once
+    python = managed.home.python_of(folder / "env")
+    assert managed.home.python_in(folder) == (python if state == "outdated" else None)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema": "karf-managed/9"}', None])
-def test_a_folder_without_karfs_mark_is_neither_taken_nor_removed(managed, tmp_path, text):
+def test_unmarked_folder_is_neither_claimed_nor_removed(managed, tmp_path, text):
     if text is not None:
         (tmp_path / "karf-engine.json").write_text(text)
     (tmp_path / "thesis.txt").write_text("years of work")
@@ -51,14 +46,14 @@ def test_a_folder_without_karfs_mark_is_neither_taken_nor_removed(managed, tmp_p
 
 
 @pytest.mark.parametrize("below", ["", "engine"])
-def test_a_path_that_is_a_file_is_named(managed, tmp_path, below):
+def test_file_in_place_of_the_folder_is_named(managed, tmp_path, below):
     file = tmp_path / "engine.txt"
     file.write_text("")
     with pytest.raises(managed.api.DataError, match=r"engine\.txt is a file"):
         managed.home.check_free(file / below)
 
 
-def test_remove_follows_no_links_and_keeps_other_files(managed, install, place, tmp_path):
+def test_remove_keeps_link_targets_and_other_files(managed, install, place, tmp_path):
     install()
     (tmp_path / "films").mkdir()
     (tmp_path / "films" / "pots.blend").touch()

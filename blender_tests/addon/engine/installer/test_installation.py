@@ -1,4 +1,4 @@
-"""Installing, stopping, going on, repairing and updating, with tiny wheels and without network."""
+"""Installing, resuming, repairing and updating the engine, with tiny wheels and no network."""
 
 import json
 import os
@@ -8,18 +8,18 @@ import time
 
 import pytest
 
-from . import wheels as making
+from . import wheels
 from .conftest import PYTHON, finish
 
 
 def site(place):
-    """Where the packages of the environment that counts lie."""
+    """The packages of the current environment."""
     name = json.loads((place / "installed.json").read_text())["environment"]
     (folder,) = [*place.glob(f"{name}/lib/python*/site-packages"), *place.glob(f"{name}/Lib/site-packages")]
     return folder
 
 
-def said_by(python, code="import scipy; print(scipy.name)"):
+def output_of(python, code="import scipy; print(scipy.name)"):
     return subprocess.run([python, "-I", "-c", code], capture_output=True, text=True, check=True).stdout.strip()
 
 
@@ -28,7 +28,7 @@ def environments(place):
 
 
 def begin(managed, plan, title):
-    """The installation at the step of this title."""
+    """Start an installation and stop at the step of this title."""
     work = managed.installation.Installation(plan)
     while work.progress.title != title:
         work.poll()
@@ -37,23 +37,20 @@ def begin(managed, plan, title):
     return work
 
 
-# --- installing ----------------------------------------------------------------------------------------------------
-def test_an_installed_engine_is_found_and_shares_its_files_with_the_cache(
-    addon, chosen, managed, install, place, monkeypatch
-):
+def test_installed_engine_is_found_and_shares_cached_files(addon, preferences, managed, install, place, monkeypatch):
     assert managed.home.python_in(place) is None
     status = install()
     assert (status.state, status.build, status.python, status.torch) == ("ready", "cuda", PYTHON, "2.0")
     python = managed.home.python_in(place)
     monkeypatch.delenv("KARF_ENGINE_PYTHON")
-    chosen.engine_folder = str(place)
+    preferences.engine_folder = str(place)
     assert addon.preferences.engine_python() == python
     assert subprocess.run([python, "-c", "import torch, cv2, OpenEXR"]).returncode == 0
     links = {file.stat().st_nlink for file in place.glob("cache/archive-v*/*/*/*.py")}
-    assert links == {2}  # the cache takes no room of its own
+    assert links == {2}  # the cache takes no extra space
 
 
-def test_cache_keeps_no_second_copy_on_disks_without_hard_links(managed, install, place):
+def test_cache_keeps_no_copies_on_disks_without_hard_links(managed, install, place):
     install()
     (copy,) = place.glob("cache/archive-v*/*/torch-*.dist-info/METADATA")
     text = copy.read_text()
@@ -63,41 +60,41 @@ def test_cache_keeps_no_second_copy_on_disks_without_hard_links(managed, install
     assert not copy.parent.exists() and managed.home.status(place).state == "ready"
 
 
-@pytest.mark.skipif(os.name == "nt", reason="the made wheel has a shell script")
-def test_without_uv_python_fetches_it_by_pip(kitchen, managed, install, planned, uv, place):
+@pytest.mark.skipif(os.name == "nt", reason="the wheel has a shell script")
+def test_missing_uv_is_installed_by_pip(stock, managed, install, planned, uv, place):
     script = {"uv-0.1.data/scripts/uv": f'#!/bin/sh\nexec "{uv}" "$@"\n'}
-    kitchen.add("uv", "0.1", tag=kitchen.uv_tag, more=script)
+    stock.add("uv", "0.1", tag=stock.uv_tag, more=script)
     plan = planned(starter=sys.executable)
     assert plan.starter.uv == "" and len(plan.steps()) == 4
     assert install(plan).state == "ready"
-    assert len(planned(starter=sys.executable).steps()) == 2  # the next one finds it
+    assert len(planned(starter=sys.executable).steps()) == 2  # it is reused
     managed.home.program_of(place / "uv", "uv").write_text("half")
     assert len(planned(starter=sys.executable).steps()) == 4
 
 
-def test_build_without_hash_is_taken_by_its_version(kitchen, install, planned):
-    for path in kitchen.folder.glob("torch-*.whl"):
+def test_build_without_hash_is_installed_by_version(stock, install, planned):
+    for path in stock.folder.glob("torch-*.whl"):
         path.unlink()
     system = {"linux": "linux_x86_64", "windows": "win_amd64", "macos": "macosx_14_0_arm64"}
-    tag = system[kitchen.here.platform.partition("-")[0]]
+    tag = system[stock.here.platform.partition("-")[0]]
     python = f"cp{PYTHON.replace('.', '')}"
-    making.make(kitchen.folder, "torch", "2.0+cpu", making.torch("2.0+cpu"), f"{python}-{python}-{tag}")
+    wheels.make(stock.folder, "torch", "2.0+cpu", wheels.torch("2.0+cpu"), f"{python}-{python}-{tag}")
     plan = planned(build="auto")
     assert plan.unchecked == "torch 2.0 for cpu" and any("no hash of torch" in line for line in plan.sentences)
     assert install(plan).torch == "2.0+cpu"
 
 
 @pytest.mark.parametrize("is_killed", [False, True], ids=["cancelled", "killed"])
-def test_interrupted_installation_resumes_with_finished_files(managed, install, planned, index, place, is_killed):
+def test_interrupted_installation_resumes_from_fetched_files(managed, install, planned, index, place, is_killed):
     def n_cached():
         return len([path for path in place.glob("cache/wheels-*/**/*.http") if path.is_file()])
 
     index.holding = "torch-"
     work = managed.installation.Installation(planned(index))
-    while not (index.begun.is_set() and len(index.fetched) == n_cached() == len(making.MODULES)):
+    while not (index.begun.is_set() and len(index.fetched) == n_cached() == len(wheels.MODULES)):
         work.poll()
         assert not work.ended
-    if is_killed:  # and nobody polls any more: Blender is gone too
+    if is_killed:  # and polled no more, as after a crash of Blender
         managed.processes.send(work._process, managed.processes.KILL)
         work._process.wait()
     else:
@@ -109,40 +106,35 @@ def test_interrupted_installation_resumes_with_finished_files(managed, install, 
     index.release.set()
     index.fetched.clear()
     assert install(planned(index)).state == "ready"
-    assert index.packages == {"torch"}  # the server has noted the half that nobody took, too
+    assert index.packages == {"torch"}  # the server counts the half that was never taken, too
 
 
-# --- repairing and updating ----------------------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("change", "state", "fetched"),
-    [("damaged files", "ready", {"imageio", "scipy"}), ("another recipe", "outdated", {"scipy"})],
-)
-def test_repair_and_update_fetch_only_missing_or_new_packages(
-    kitchen, managed, install, planned, index, place, change, state, fetched
-):
+@pytest.mark.parametrize("state, fetched", [("ready", {"imageio", "scipy"}), ("outdated", {"scipy"})])
+def test_update_and_repair_fetch_only_missing_wheels(stock, managed, install, planned, index, place, state, fetched):
     install(planned(index))
-    if change == "damaged files":
+    if state == "ready":
         (site(place) / "scipy" / "__init__.py").write_text("name = 'other'\n")  # the cache's file is the same
         (site(place) / "cv2" / "__init__.py").unlink()
         for half in place.glob("cache/archive-v*/*/imageio-*.dist-info/RECORD"):
             half.unlink()
     else:
-        kitchen.add("scipy", "1.1", "name = 'newer'\n")
+        stock.add("scipy", "1.1", "name = 'newer'\n")
     assert managed.home.status(place).state == state
     index.fetched.clear()
     plan = planned(index)
     assert any("whole is not fetched again" in line for line in plan.sentences)
     assert install(plan).state == "ready"
     assert index.packages == fetched
-    assert said_by(managed.home.python_in(place)) == ("newer" if change == "another recipe" else "scipy")
+    assert output_of(managed.home.python_in(place)) == ("newer" if state == "outdated" else "scipy")
     assert (site(place) / "cv2" / "__init__.py").is_file()
 
 
 @pytest.fixture
-def outdated(kitchen, install, planned):
-    """An engine with one package too many, whose update has a newer one."""
+def outdated(stock, install, planned, monkeypatch):
+    """An engine with an extra package and an update of another one."""
     assert install(planned(extras=("photos",))).extras == ("photos",)
-    kitchen.add("scipy", "1.1", "name = 'newer'\n")
+    monkeypatch.setenv("UV_HTTP_RETRIES", "0")
+    stock.add("scipy", "1.1", "name = 'newer'\n")
 
 
 @pytest.mark.parametrize(
@@ -155,17 +147,14 @@ def outdated(kitchen, install, planned):
         ("another build", "BadRequest", "is a cpu build, not the cuda build"),
     ],
 )
-def test_failed_update_leaves_the_working_engine(
-    kitchen, managed, outdated, planned, index, place, monkeypatch, failure, error, sentence
-):
+def test_failed_update_keeps_the_engine(stock, managed, outdated, planned, index, place, failure, error, sentence):
     python = managed.home.python_in(place)
     if failure == "another file":
-        making.make(kitchen.folder, "scipy", "1.1", "name = 'shady'\n")
+        wheels.make(stock.folder, "scipy", "1.1", "name = 'shady'\n")
     elif failure == "does not load":
-        kitchen.add("scipy", "1.2", "raise ImportError('no BLAS on this computer')\n")
+        stock.add("scipy", "1.2", "raise ImportError('no BLAS on this computer')\n")
     elif failure == "another build":
-        kitchen.add("torch", "2.0", making.torch("2.0"))
-    monkeypatch.setenv("UV_HTTP_RETRIES", "0")
+        stock.add("torch", "2.0", wheels.torch("2.0"))
     plan = planned(index if failure == "no network" else None)
     index.close()
     work = begin(managed, plan, "Making the environment")
@@ -177,7 +166,7 @@ def test_failed_update_leaves_the_working_engine(
     status = managed.home.status(place)
     assert (status.state, status.is_usable, status.extras) == ("outdated", True, ("photos",))
     assert "Update" in status.sentence
-    assert managed.home.python_in(place) == python and said_by(python) == "scipy"
+    assert managed.home.python_in(place) == python and output_of(python) == "scipy"
 
 
 @pytest.mark.parametrize(
@@ -191,21 +180,20 @@ def test_failed_update_leaves_the_working_engine(
     ],
 )
 def test_blender_may_be_killed_at_any_step(managed, outdated, install, planned, place, title, outlives):
-    """With the process that it started, or without."""
     python = managed.home.python_in(place)
     work = begin(managed, planned(), title)
-    if not outlives:
+    if not outlives:  # the process is killed with Blender
         managed.processes.send(work._process, managed.processes.KILL)
-    work._process.wait()  # nobody polls any more
+    work._process.wait()  # without polling
     assert managed.home.status(place).is_usable and managed.home.python_in(place) == python
-    assert said_by(python) == "scipy" and said_by(python, "import pycolmap, torch; print(3)") == "3"
+    assert output_of(python) == "scipy" and output_of(python, "import pycolmap, torch; print(3)") == "3"
     assert install().state == "ready"
-    assert said_by(managed.home.python_in(place)) == "newer"
+    assert output_of(managed.home.python_in(place)) == "newer"
     assert environments(place) == {managed.home.status(place).environment}
     assert {name for name in ("pycolmap", "numba") if (site(place) / name).is_dir()} == {"numba"}
 
 
-def test_old_environments_are_removed_unless_a_job_runs_in_them(managed, outdated, install, planned, place):
+def test_unused_old_environments_are_removed(managed, outdated, install, planned, place):
     first = managed.home.python_in(place)
     program = "import sys; print(3, flush=True); sys.stdin.readline(); import scipy; print(scipy.name)"
     running = subprocess.Popen([first, "-I", "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

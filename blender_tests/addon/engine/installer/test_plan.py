@@ -1,4 +1,4 @@
-"""A plan says sizes, places and commands before anything happens, or why it cannot be; failures are sentences."""
+"""A plan shows sizes, folders and commands before anything happens, or why installing is impossible."""
 
 import shlex
 import shutil
@@ -16,13 +16,13 @@ USAGE = namedtuple("USAGE", "total used free")
 
 @pytest.fixture
 def plan(managed, tmp_path, monkeypatch):
-    """A function that plans for any computer, of whatever disk, by the real recipes."""
+    """A function that plans for any computer, with the real lock files and 100 GB free."""
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: USAGE(200e9, 100e9, 100e9))
 
     def make(platform=LINUX, devices=(), is_online=True, variables=None, **choices):
         here = managed.computer.Machine(platform, devices)
-        wanted = managed.plan.Choices(**{"folder": tmp_path / "my engine", **choices})
-        return managed.plan.make(wanted, sys.executable, is_online, variables or {"PATH": ""}, here)
+        chosen = managed.plan.Choices(**{"folder": tmp_path / "my engine", **choices})
+        return managed.plan.make(chosen, sys.executable, is_online, variables or {"PATH": ""}, here)
 
     return make
 
@@ -38,9 +38,8 @@ def test_plan_names_size_source_and_folder_and_changes_nothing(managed, plan, tm
     assert f"To {tmp_path / 'my engine'}, about " in text and "are free" in text
     assert f"made by {sys.executable} (Python {PYTHON})" in text
     assert list(tmp_path.iterdir()) == []
-    assert [shlex.split(line) for line in made.commands("posix").splitlines()] == [
-        list(step.command) for step in made.steps()
-    ]
+    commands = [shlex.split(line) for line in made.commands("posix").splitlines()]
+    assert commands == [list(step.command) for step in made.steps()]
 
 
 @pytest.mark.parametrize(
@@ -56,7 +55,7 @@ def test_plan_names_size_source_and_folder_and_changes_nothing(managed, plan, tm
         ("linux-aarch64", ("cuda",), "auto", "cuda", ""),
     ],
 )
-def test_builds_of_torch_come_from_the_index_that_has_them(plan, platform, devices, choice, build, backend):
+def test_torch_build_comes_from_the_index_that_has_it(plan, platform, devices, choice, build, backend):
     made = plan(platform, devices, build=choice)
     assert (made.lock.build, made.backend) == (build, backend)
     assert "numba" in [wheel.name for wheel in made.lock.wheels]
@@ -84,7 +83,7 @@ def test_builds_of_torch_come_from_the_index_that_has_them(plan, platform, devic
         ({"folder": Path(__file__)}, "DataError", "is a file"),
     ],
 )
-def test_impossible_choices_are_refused(managed, plan, options, error, sentence):
+def test_impossible_choices_are_rejected(managed, plan, options, error, sentence):
     with pytest.raises(getattr(managed.api, error), match=sentence):
         plan(**options)
 
@@ -93,7 +92,7 @@ SECRET, MIRROR = "https://name:secret@mirror.example/simple", "https://mirror.ex
 
 
 @pytest.mark.parametrize(
-    ("variables", "index", "told"),
+    ("variables", "index", "passed"),
     [
         ({"UV_DEFAULT_INDEX": SECRET}, "https://mirror.example/simple", {}),
         ({"UV_INDEX_URL": SECRET}, "https://mirror.example/simple", {}),
@@ -102,13 +101,13 @@ SECRET, MIRROR = "https://name:secret@mirror.example/simple", "https://mirror.ex
         ("index-url without section", "the Python Package Index", {}),
     ],
 )
-def test_source_is_the_configured_index_without_its_password(plan, tmp_path, variables, index, told):
+def test_source_is_the_configured_index_without_its_password(plan, tmp_path, variables, index, passed):
     if isinstance(variables, str):  # pip's settings
         (tmp_path / "pip.conf").write_text(variables)
         variables = {"PIP_CONFIG_FILE": str(tmp_path / "pip.conf"), "HOME": str(tmp_path)}
     source = plan(variables={"PATH": "", **variables}).source
     assert index in source.sentence and "secret" not in source.sentence
-    assert source.variables == told
+    assert source.variables == passed
 
 
 def test_lock_has_one_wheel_per_package_for_each_python(managed):
@@ -121,7 +120,7 @@ def test_lock_has_one_wheel_per_package_for_each_python(managed):
         managed.locks.read(LINUX, "cpu", "3.9")
 
 
-def test_full_disk_is_named_unless_the_cache_makes_up_for_it(managed, plan, monkeypatch):
+def test_full_disk_is_named_unless_the_cache_suffices(managed, plan, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: USAGE(9e9, 8e9, 1_000_000_000))
     with pytest.raises(managed.api.DataError, match=r"has 1\.0 GB free; the engine needs about 5\.\d GB"):
         plan(devices=("cuda",))
@@ -129,25 +128,24 @@ def test_full_disk_is_named_unless_the_cache_makes_up_for_it(managed, plan, monk
     assert plan(devices=("cuda",)).free_bytes < 1.1e9
 
 
-def test_long_paths_are_a_warning_on_windows_only(plan, tmp_path):
+def test_long_paths_are_warned_of_only_on_windows(plan, tmp_path):
     deep = tmp_path / ("d" * 120)
     assert any("long paths" in line for line in plan(WINDOWS, folder=deep).sentences)
     assert not any("long paths" in line for line in plan(MAC, ("mps",), folder=deep).sentences)
 
 
-# --- without network ----------------------------------------------------------------------------------------------
-def test_missing_and_incomplete_wheels_are_named(managed, kitchen, planned):
-    half = next(kitchen.folder.glob("numpy-*"))
+def test_missing_and_incomplete_wheels_are_named(managed, stock, planned):
+    half = next(stock.folder.glob("numpy-*"))
     whole = half.read_bytes()
     half.write_bytes(whole[:100])
     with pytest.raises(managed.api.DataError, match=r"numpy-1\.0-py3-none-any\.whl has 100 bytes in place of"):
         planned()
     half.write_bytes(whole)
-    for path in [*kitchen.folder.glob("scipy-*"), *kitchen.folder.glob("pillow-*")]:
+    for path in [*stock.folder.glob("scipy-*"), *stock.folder.glob("pillow-*")]:
         path.unlink()
     with pytest.raises(managed.api.DataError, match=r"lacks 2 of 10 files: scipy-1\.0.*whl, pillow-1\.0.*whl\."):
         planned()
-    next(kitchen.folder.glob("torch-*")).unlink()
+    next(stock.folder.glob("torch-*")).unlink()
     with pytest.raises(managed.api.DataError, match=r"lacks 3 of 10 files: .*torch-2\.0"):
         planned()
 
@@ -161,7 +159,6 @@ def test_listing_for_offline_use_has_hashes(addon, managed):
     assert "--platform win_amd64" in command and "--python-version 3.12" in command and "--require-hashes" in command
 
 
-# --- what pip and uv say when they fail ---------------------------------------------------------------------------
 PIP_HASH = """Collecting uv==0.13.9
 ERROR: THESE PACKAGES DO NOT MATCH THE HASHES FROM THE REQUIREMENTS FILE.
     uv==0.13.9 from file:///wheels/uv.whl (from -r uv.txt (line 1)):
@@ -173,7 +170,7 @@ ERROR: No matching distribution found for uv==0.13.9"""
 
 
 @pytest.mark.parametrize(
-    ("said", "sentence"),
+    ("output", "sentence"),
     [
         (PIP_HASH, "uv==0.13.9 is not the file that KaRF was tested with"),
         (CERTIFICATE, "The certificate of "),
@@ -184,16 +181,16 @@ ERROR: No matching distribution found for uv==0.13.9"""
         ("", r"Installing packages failed \(exit code 2\): it said nothing"),
     ],
 )
-def test_each_failure_is_a_sentence_with_a_remedy(managed, plan, said, sentence):
+def test_pip_or_uv_failure_is_explained_with_a_remedy(managed, plan, output, sentence):
     made = plan()
-    error = managed.installation.explain(made, made.steps()[-1], said.splitlines(), "exit code 2")
+    error = managed.installation.explain(made, made.steps()[-1], output.splitlines(), "exit code 2")
     assert error.hint.endswith("Install goes on from there.")
     with pytest.raises(managed.api.KarfError, match=sentence):
         raise error
 
 
 @pytest.mark.parametrize("devices, is_offered", [((), True), (("cuda",), False)])
-def test_usual_index_is_offered_if_torchs_own_is_unreachable(managed, plan, devices, is_offered):
+def test_usual_index_is_offered_if_torchs_is_unreachable(managed, plan, devices, is_offered):
     made = plan(devices=devices)
     error = managed.installation.explain(made, made.steps()[-1], ["dns error"], "exit code 2")
     assert ("build cuda" in error.hint) == ("torch's own index" in error.sentence) == is_offered

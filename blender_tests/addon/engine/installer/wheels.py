@@ -20,7 +20,7 @@ version = _Is(cuda={cuda!r}, hip=None)
 cuda = _Is(is_available=lambda: False)
 backends = _Is(mps=_Is(is_available=lambda: False))
 """
-MODULES = {  # package -> what is imported
+MODULES = {  # package -> module
     "numpy": "numpy",
     "scipy": "scipy",
     "safetensors": "safetensors",
@@ -34,12 +34,12 @@ MODULES = {  # package -> what is imported
 
 
 def torch(version, cuda=None):
-    """Return the code of a stand-in for torch."""
+    """The code of a stand-in for torch."""
     return TORCH.format(version=version, cuda=cuda)
 
 
 def make(folder, name, version, code=None, tag="py3-none-any", more=None):
-    """Write the wheel of a package whose module has this code, with more files; returns its path."""
+    """Write the wheel of a package with this code and more files; returns its path."""
     stem = f"{name.replace('-', '_')}-{version}"
     info = f"{stem}.dist-info"
     files = {f"{MODULES.get(name, name)}/__init__.py": code or f"name = {name!r}\n", **(more or {})}
@@ -51,13 +51,13 @@ def make(folder, name, version, code=None, tag="py3-none-any", more=None):
     with zipfile.ZipFile(path, "w") as archive:
         for inside, text in files.items():
             entry = zipfile.ZipInfo(inside, (2026, 1, 1, 0, 0, 0))
-            entry.external_attr = 0o100755 << 16  # a file that may be run
+            entry.external_attr = 0o100755 << 16  # executable
             archive.writestr(entry, text)
     return path
 
 
 def locked(path, name, version):
-    """Return the lock file's lines for a wheel."""
+    """The lock file's lines for a wheel."""
     data = path.read_bytes()
     return f"# {path.name} {len(data)}\n{name}=={version} \\\n    --hash=sha256:{hashlib.sha256(data).hexdigest()}\n"
 
@@ -67,7 +67,7 @@ def _hash(text):
 
 
 class Index(ThreadingHTTPServer):
-    """A package index of a folder's wheels. `fetched` counts whole files by name; `holding` names one to hold back."""
+    """A package index of a folder's wheels. `fetched` has the names of whole files; `holding` stops one halfway."""
 
     daemon_threads = True
 

@@ -1,4 +1,4 @@
-"""A sequence of new cameras round the still life, with an edit."""
+"""A sequence of new cameras around the still life, with an edit."""
 
 from pathlib import Path
 
@@ -8,8 +8,6 @@ from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.palettes.palette import Edit, write_edit
 
-BLUE = (0.1, 0.2, 0.8)
-
 
 class Sequence:
     """A learned project, a file of cameras, and an edit."""
@@ -17,7 +15,7 @@ class Sequence:
     def __init__(self, project: Path, folder: Path, count: int, size: int = 12):
         self.project, self.cameras, self.edit = project, folder / "cameras.json", folder / "edit.json"
         self.angles, self.size = [0.05 * number for number in range(count)], size
-        self.paint(BLUE)
+        self.paint((0.1, 0.2, 0.8))
         self.move()
 
     def paint(self, color, path=None):
@@ -30,15 +28,9 @@ class Sequence:
     def move(self, number=0, angle=0.0):
         """Write the cameras, one of them at another angle."""
         self.angles[number] = angle
-        names = [f"frame_{place:04d}" for place in range(1, len(self.angles) + 1)]
-        cameras = [camera_at(angle, 0.5, size=self.size) for angle in self.angles]
-        views = [View(name, name, camera, None, "train") for name, camera in zip(names, cameras, strict=True)]
-        write_cameras(self.cameras, views)
+        cameras = {f"frame_{n:04d}": camera_at(angle, 0.5, size=self.size) for n, angle in enumerate(self.angles, 1)}
+        write_cameras(self.cameras, [View(name, name, camera, None, "train") for name, camera in cameras.items()])
 
     def render(self, out, **options):
         chosen = {"views": str(self.cameras), "edit": self.edit} | options
         karf.render(self.project, out, threads=1, device="cpu", **chosen)
-
-
-def write_sequence(project: Path, folder: Path, count: int) -> Sequence:
-    return Sequence(project, folder, count)

@@ -1,4 +1,4 @@
-"""Bundles: all that a job reads, with paths that lead from one file of the bundle to another."""
+"""Bundles hold all that a farm's job reads, with paths inside the bundle, and nothing else."""
 
 import json
 import shutil
@@ -9,7 +9,7 @@ import pytest
 
 import karf_engine as karf
 from blender_tests.engine.commands.conftest import geometry_command
-from blender_tests.engine.commands.farm.sequences import write_sequence
+from blender_tests.engine.commands.farm.sequences import Sequence
 from karf_engine.cli import main
 from karf_engine.commands.farm import run as write_bundle
 from karf_engine.commands.options import FarmOptions
@@ -23,41 +23,39 @@ from karf_engine.project.state import write_state
 
 @pytest.fixture
 def sequence(learned, tmp_path):
-    return write_sequence(learned.project, tmp_path, 5)
+    return Sequence(learned.project, tmp_path, 5)
 
 
 def names_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_no_path_of_a_bundle_leads_out_of_it(learned, still_life, sequence, tmp_path):
+def test_bundle_paths_stay_inside_it(learned, still_life, sequence, tmp_path):
     bundle = karf.render_bundle(learned.project, tmp_path / "bundle", views="all", edit=sequence.edit)
-    texts = {path.name: path.read_text() for path in bundle.rglob("*.json") if "engine" not in path.parts}
-    for name, text in texts.items():
+    for path in bundle.rglob("*.json"):
         for place in (learned.project, still_life.capture, tmp_path):
-            assert str(place) not in text, name
+            assert "engine" in path.parts or str(place) not in path.read_text(), path.name
     template = read_json(bundle / "template.json", "template")
     paths = [entry["default"] for entry in template["parameterDefinitions"] if entry["type"] == "PATH"]
     assert sorted(paths) == ["edit.json", "engine", "frames", "project"]
     assert all((bundle / path).exists() for path in paths if path != "frames")
 
 
-def test_a_bundle_renders_what_the_project_does_wherever_it_lies(learned, sequence, tmp_path):
-    """Photos, which are taken along; cameras are rendered in test_openjd.py."""
+def test_moved_bundle_renders_like_the_project(learned, sequence, tmp_path):
+    """Of photos, which are packed; cameras are rendered in test_openjd.py."""
     chosen = {"views": "test", "edit": sequence.edit}
     moved = karf.render_bundle(learned.project, tmp_path / "bundle", **chosen).rename(tmp_path / "moved")
     assert Project(moved / "project").splats_file.is_file() and len(names_in(moved / "photos")) == 2
-    for project, out in ((learned.project, "here"), (moved / "project", "there")):
-        karf.render(project, tmp_path / out, **chosen, threads=1, device="cpu")
-    here, there = (
-        {path.name: path.read_bytes() for path in (tmp_path / out / "recolor").iterdir()} for out in ("here", "there")
-    )
-    assert here == there and len(here) == 2
+    pictures = []
+    for project, out in ((learned.project, tmp_path / "here"), (moved / "project", tmp_path / "there")):
+        karf.render(project, out, **chosen, threads=1, device="cpu")
+        pictures.append({path.name: path.read_bytes() for path in (out / "recolor").iterdir()})
+    assert pictures[0] == pictures[1] and len(pictures[0]) == 2
     cameras = karf.render_bundle(learned.project, tmp_path / "cameras", views=str(sequence.cameras))
     assert not (cameras / "photos").exists()
 
 
-def test_each_frame_may_have_an_edit_of_its_own(learned, sequence, tmp_path):
+def test_each_frame_can_have_its_own_edit(learned, sequence, tmp_path):
     edits = tmp_path / "edits"
     for number in range(1, 8):
         sequence.paint(0.1 * number, edits / f"frame_{number:04d}.json")
@@ -79,7 +77,7 @@ def test_each_frame_may_have_an_edit_of_its_own(learned, sequence, tmp_path):
         karf.render_bundle(learned.project, tmp_path / "another", edit=edits, **views)
 
 
-def test_a_bundle_is_never_written_over_nor_left_half_made(learned, still_life, tmp_path):
+def test_failed_bundle_overwrites_and_leaves_nothing(learned, still_life, tmp_path):
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "note").write_text("mine")
     with pytest.raises(BadRequest, match="and is not empty"):
@@ -93,28 +91,18 @@ def test_a_bundle_is_never_written_over_nor_left_half_made(learned, still_life, 
     assert names_in(tmp_path) == ["edit.json", "masks", "taken"] and names_in(tmp_path / "taken") == ["note"]
 
 
-# --------------------------------------------------------------------------------------------- what is packed of a film
-def linked(place, target):
-    place.unlink()
-    place.symlink_to(target)
-
-
 @pytest.fixture
 def film(still_life, learned, tmp_path):
-    """A capture, its masks and its project in one folder, beside what nobody wants to send away."""
+    """A capture, its masks and its project in one folder, beside a secret."""
     (tmp_path / "id_rsa").write_text("secret")
-    for source, place in (
-        (still_life.capture, "film/capture"),
-        (still_life.masks, "film/masks"),
-        (learned.project, "film/project"),
-        (still_life.capture, "pictures"),
-    ):
-        shutil.copytree(source, tmp_path / place)
+    shutil.copytree(still_life.capture, tmp_path / "pictures")
+    for name, source in (("capture", still_life.capture), ("masks", still_life.masks), ("project", learned.project)):
+        shutil.copytree(source, tmp_path / "film" / name)
     return tmp_path / "film"
 
 
-def with_photo(project, photo):
-    """Let the project say that this is the photo of its views."""
+def set_photo(project, photo):
+    """Make this the photo of all views of a project."""
     content = json.loads(project.capture_file.read_text())
     for view in content["views"]:
         view["image"], view["image_from_here"] = str(photo), None
@@ -124,14 +112,14 @@ def with_photo(project, photo):
     write_state(project.state_file, state)
 
 
-def test_a_photo_that_is_no_picture_or_lies_elsewhere_is_packed_only_where_the_user_named_its_place(film, tmp_path):
+def test_outside_photos_are_packed_only_from_named_folder(film, tmp_path):
     project, photo = Project(film / "project"), tmp_path / "pictures" / "train" / "r_0.png"
-    with_photo(project, project.folder / "secret.png")
+    set_photo(project, project.folder / "secret.png")
     shutil.copy(tmp_path / "id_rsa", project.folder / "secret.png")
     with pytest.raises(DataError, match=r"secret\.png cannot be read"):
         karf.render_bundle(project.folder, tmp_path / "bundle", views="test")
     for outside in (tmp_path / "id_rsa", photo):
-        with_photo(project, outside)
+        set_photo(project, outside)
         with pytest.raises(BadRequest, match="lies outside of"):
             karf.render_bundle(project.folder, tmp_path / "bundle", views="test")
     assert not (tmp_path / "bundle").exists()
@@ -139,10 +127,11 @@ def test_a_photo_that_is_no_picture_or_lies_elsewhere_is_packed_only_where_the_u
     assert len(names_in(bundle / "photos")) == 2
 
 
-def test_links_of_a_capture_that_lead_out_are_packed_only_where_the_user_named_their_place(film, tmp_path):
+def test_outside_links_are_packed_only_from_named_folder(film, tmp_path):
     capture, masks = film / "capture", film / "masks"
-    photo = capture / "train" / "r_0.png"
-    linked(photo, tmp_path / "pictures" / "train" / "r_0.png")
+    photo, mask = capture / "train" / "r_0.png", next(masks.rglob("*.png"))
+    photo.unlink()
+    photo.symlink_to(tmp_path / "pictures" / "train" / "r_0.png")
     for name in ("notes.txt", "keys.json"):
         (capture / name).symlink_to(tmp_path / "id_rsa")
     with pytest.raises(BadRequest, match="--photos"):
@@ -151,12 +140,13 @@ def test_links_of_a_capture_that_lead_out_are_packed_only_where_the_user_named_t
     bundle = karf.learning_bundle(capture, masks, tmp_path / "bundle", **named)
     assert (bundle / "capture" / "train" / "r_0.png").read_bytes() == photo.read_bytes()
     assert not list(bundle.rglob("notes.txt")) and not list(bundle.rglob("keys.json"))
-    linked(next(masks.rglob("*.png")), tmp_path / "id_rsa")
+    mask.unlink()
+    mask.symlink_to(tmp_path / "id_rsa")
     with pytest.raises(DataError, match="is a link to"):
         karf.learning_bundle(capture, masks, tmp_path / "other", **named)
 
 
-def test_what_is_packed_is_listed_before_anything_is_written(learned, tmp_path):
+def test_packed_files_are_listed_before_writing(learned, tmp_path):
     lines = []
     options = FarmOptions.of(source=learned.project, out=tmp_path / "bundle", views="test")
 
@@ -170,8 +160,7 @@ def test_what_is_packed_is_listed_before_anything_is_written(learned, tmp_path):
     assert any(line.startswith("packing 2 files") for line in lines)
 
 
-# ---------------------------------------------------------------------------------------------- what a bundle relies on
-def test_a_part_of_the_views_is_rendered_as_it_is_among_all_and_an_empty_one_is_refused(sequence, tmp_path):
+def test_view_range_renders_like_all_and_must_not_be_empty(sequence, tmp_path):
     sequence.render(tmp_path / "all")
     sequence.render(tmp_path / "part", first=2, last=4, count=2)
     assert names_in(tmp_path / "part" / "recolor") == ["frame_0002.png", "frame_0003.png"]
@@ -182,7 +171,7 @@ def test_a_part_of_the_views_is_rendered_as_it_is_among_all_and_an_empty_one_is_
             sequence.render(tmp_path / "out", **part)
 
 
-def test_a_project_that_moves_with_its_photos_still_finds_them(still_life, tmp_path):
+def test_project_moved_with_its_photos_finds_them(still_life, tmp_path):
     film, elsewhere = tmp_path / "film", tmp_path / "elsewhere"
     capture = shutil.copytree(still_life.capture, film / "capture")
     few = 'geometry.levels=[{"voxels": 8, "iterations": 1, "step": 1.0}]'
@@ -192,7 +181,7 @@ def test_a_project_that_moves_with_its_photos_still_finds_them(still_life, tmp_p
         assert view.image.is_relative_to(elsewhere / "capture") and view.image.is_file()
 
 
-def test_the_verb_writes_the_same_bundle_as_the_library(learned, sequence, tmp_path):
+def test_verb_and_library_write_the_same_bundle(learned, sequence, tmp_path):
     chosen = {"views": str(sequence.cameras), "per_task": 2, "alpha": True, "format": "exr16"}
     karf.render_bundle(learned.project, tmp_path / "library", size="photo", overrides=["render.edges=field"], **chosen)
     words = ["--out", tmp_path / "verb", "--views", sequence.cameras, "--per-task", 2, "--alpha", "--format", "exr16"]

@@ -1,4 +1,4 @@
-"""Job templates hold names as they are: none of them is read as the name of one of the job's values."""
+"""No name in a job template is read as a reference to one of the job's parameters."""
 
 import re
 
@@ -12,8 +12,8 @@ BRACES = ["{{Param.EnginePython}}", "{{{Param.EnginePython}}}", "{{", "}}", "{{{
 REFERENCE = re.compile(r"\{\{((?:Task\.)?Param\.\w+)\}\}")
 
 
-def check(job):
-    """Check that whatever has two braces refers to a value of the job."""
+def assert_references_known(job):
+    """Assert that all double braces refer to a parameter of the job."""
     known = {f"Param.{each['name']}" for each in job["parameterDefinitions"]} | {"Task.Param.Frame"}
     texts = [job["name"], *(text for step in job["steps"] for text in step["script"]["actions"]["onRun"]["args"])]
     for text in texts:
@@ -22,9 +22,9 @@ def check(job):
 
 
 @pytest.mark.parametrize("braces", BRACES)
-def test_two_braces_are_no_value_of_the_job_in_its_name_and_refused_in_an_argument(braces):
+def test_double_braces_are_escaped_in_names_and_rejected_in_arguments(braces):
     for job in (render_job(f"KaRF {braces}", FRAMES), learning_job(f"KaRF {braces}", "", (), (), FRAMES)):
-        check(job)
+        assert_references_known(job)
         assert not REFERENCE.search(job["name"])
     for make in (
         lambda: render_job("film", Frames(braces, "", 4, 2)),
@@ -37,8 +37,8 @@ def test_two_braces_are_no_value_of_the_job_in_its_name_and_refused_in_an_argume
             make()
 
 
-def test_single_braces_stay():
+def test_single_braces_are_kept():
     job = learning_job("film {a}", "cameras {b}.json", ("--set", 'geometry.levels=[{"voxels": 8}]'), (), FRAMES)
-    check(job)
+    assert_references_known(job)
     assert job["name"] == "film {a}"
     assert "{{Param.Capture}}/cameras {b}.json" in job["steps"][0]["script"]["actions"]["onRun"]["args"]

@@ -7,7 +7,7 @@ import pytest
 import torch
 from numpy.testing import assert_allclose
 
-from blender_tests.engine.fields.fitting import bank_of, silent, sparse_points
+from blender_tests.engine.fields.fitting import observed_by_all, pixel_dataset, silent
 from blender_tests.engine.reference.nerf import still_life
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.compute.runtime import start_runtime
@@ -28,8 +28,8 @@ TINY = NerfSettings(depth=3, width=32, position_frequencies=6, direction_frequen
 def start(kind, settings=TINY, space="box", device="cpu", views=None):
     found, photos = still_life(sky=kind == "opaque")
     geometry, runtime = GeometrySettings(field="nerf", nerf=settings), start_runtime(0, 1, str(device))
-    inputs = FitInputs(bank_of(photos, kind, device), kind, space, views or found, None, geometry, runtime)
-    return field_kind(geometry.field).start(inputs)
+    inputs = FitInputs(pixel_dataset(photos, kind, device), kind, space, views or found, None, geometry, runtime)
+    return field_kind("nerf").start(inputs)
 
 
 @pytest.fixture(scope="module")
@@ -37,36 +37,33 @@ def learned():
     return list(start("black").scenes(silent()))[-1]
 
 
-def test_a_held_out_view_is_rendered_well(learned):
+def test_held_out_view_is_rendered_well(learned):
     truth = take_photo(camera_at(0.3, 0.6))
     picture = learned.render(truth.camera, 3)
     assert psnr(picture.color.numpy(), truth.color) >= 22
     assert picture.opacity.numpy()[truth.alpha > 0.99].mean() > 0.9
-    # the middle of the picture shows the scene's middle: the camera stands 3.6 away, the block reaches 0.75 toward it
+    # the central pixel shows the scene's center: the camera is 3.6 away, the block reaches 0.75 toward it
     assert 2.6 < picture.depth[16, 16] < 4.2
 
 
 @pytest.mark.parametrize("kind", ["alpha", "opaque"])
-def test_other_backgrounds_are_learned_too(kind, device):
-    fit = start(kind, replace(TINY, iterations=400), device=device)
-    scene = list(fit.scenes(silent()))[-1]
+def test_alpha_and_opaque_backgrounds_are_learned(kind, device):
+    scene = list(start(kind, replace(TINY, iterations=400), device=device).scenes(silent()))[-1]
     truth = take_photo(camera_at(0.3, 0.6), kind == "opaque")
     picture = scene.render(truth.camera, 1)
     assert psnr(picture.color.cpu().numpy(), truth.color + (1 - truth.alpha[..., None])) >= 16
-    if kind == "alpha":  # white things and white ground look the same, so empty is only emptier
+    if kind == "alpha":  # a white object looks like the white ground, so empty pixels are only less opaque
         opacity = picture.opacity.cpu().numpy()
         assert opacity[truth.alpha > 0.99].mean() > 0.4 + opacity[truth.alpha < 0.01].mean()
 
 
-def test_the_field_has_the_normals_and_features_of_later_stages(learned):
-    field = learned.field
-    truth = take_photo(camera_at(0.3, 0.6))
-    solid = learned.render(truth.camera, 3).cache
-    middle = solid.positions[:, 1]
+def test_field_has_normals_and_features_for_later_stages(learned):
+    field, surface = learned.field, learned.render(camera_at(0.3, 0.6), 3).cache
+    middle = surface.positions[:, 1]
     assert ((middle > field.bounds[0]) & (middle < field.bounds[1])).all(1).float().mean() > 0.95
     normals = field.normals(middle)
     assert_allclose(torch.linalg.norm(normals, dim=1), np.ones(len(middle)), atol=1e-4)
-    toward_camera = -(normals * field.space.rotate_directions(solid.viewdirs)).sum(1)
+    toward_camera = -(normals * field.space.rotate_directions(surface.viewdirs)).sum(1)
     assert toward_camera.median() > 0.2
     assert field.features(middle).shape == (len(middle), 32)
 
@@ -75,16 +72,16 @@ def test_the_field_has_the_normals_and_features_of_later_stages(learned):
     ("iterations", "decay_steps", "expected"),
     [(101, 100, 1e-3 * 0.1 ** (np.arange(101) / 100)), (10, 0, np.full(10, 1e-3))],
 )
-def test_scenes_come_as_often_as_set_and_the_rate_falls_across_them(iterations, decay_steps, expected, monkeypatch):
+def test_scenes_come_at_the_set_interval_and_the_rate_falls(iterations, decay_steps, expected, monkeypatch):
     rates, ends = [], []
 
-    def note(training_state, until, step, schedule, progress, checkpoint):
+    def record(training_state, until, step, schedule, progress, checkpoint):
         rate = training_state.optimizer.param_groups[0]["lr"]
         rates.extend(rate * schedule(i, training_state.iterations) for i in range(training_state.done, until))
         ends.append(until)
         training_state.done = until
 
-    monkeypatch.setattr("karf_engine.fields.nerf.fit.train", note)
+    monkeypatch.setattr("karf_engine.fields.nerf.fit.train", record)
     fit = start("black", replace(TINY, iterations=iterations, look_every=40, rate=1e-3, decay_steps=decay_steps))
     assert fit.iterations == iterations
     assert len(list(fit.scenes(silent()))) == len(ends)
@@ -92,17 +89,15 @@ def test_scenes_come_as_often_as_set_and_the_rate_falls_across_them(iterations, 
     assert_allclose(rates, expected)
 
 
-def test_the_first_rays_go_through_the_photos_middle():
-    _, photos = still_life(3, 32)
-    dataset = bank_of(photos, "black")
+def test_first_rays_pass_through_the_middle_of_photos():
+    dataset = pixel_dataset(still_life(3, 32)[1], "black")
     index = dataset.draw_central(4000, 0.5, start_runtime(0, 1, "cpu"))
-    pixel = index % (32 * 32)
-    column, row = pixel % 32, pixel // 32
+    column, row = index % 32, index % (32 * 32) // 32
     assert (column.min(), column.max(), row.min(), row.max()) == (8, 23, 8, 23)
     assert torch.bincount(dataset.view_indices(index)).min() > 1000
 
 
-def test_objects_are_sampled_around_the_camera_distance():
+def test_cut_out_objects_are_sampled_around_the_camera_distance():
     views, _ = still_life()
     space, sampling = choose_space_and_sampling("alpha", "box", views, None, preset("paper").geometry.nerf)
     assert (sampling.near, sampling.far) == pytest.approx((1.8, 5.4), rel=1e-4)
@@ -114,7 +109,7 @@ def test_objects_are_sampled_around_the_camera_distance():
 def test_open_scenes_are_sampled_in_disparity():
     views, _ = still_life(2)
     positions = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], *[[-0.5, 0.1, 0.0]] * 9])
-    points = sparse_points(positions, np.repeat([0, 1], 11), np.tile(np.arange(11), 2))
+    points = observed_by_all(positions, 2)
     _, sampling = choose_space_and_sampling("opaque", "contraction", views, points, TINY)
     depths = np.stack([v.camera.project(positions)[1] for v in views])
     assert sampling.in_disparity
@@ -125,12 +120,12 @@ def test_open_scenes_are_sampled_in_disparity():
     assert (sampling.near, sampling.far) == (0.25, 80.0)
 
 
-def test_forward_facing_captures_are_learned_in_ndc_with_noise_on_their_densities():
+def test_forward_facing_captures_use_ndc_and_density_noise():
     views = [replace(view, depth_bounds=(2.0, 40.0)) for view in still_life()[0]]
     space, sampling = choose_space_and_sampling("opaque", "frustum", views[:1], None, TINY)
     assert isinstance(space, Frustum) and space.near == pytest.approx(1.5)
     assert (sampling.near, sampling.far, sampling.in_disparity) == (0.0, 1.0, False)
-    # the picture's corners lie at +-1 on the near plane and at infinity
+    # the corners of the picture lie at +-1 on the near plane and at infinity
     corners = camera_rays(views[0].camera)[torch.tensor([0, 31, 32 * 31, 32 * 32 - 1])]
     first, directions = space.to_grid_rays(corners)
     assert_allclose(first[:, 2], -np.ones(4), atol=1e-5)
@@ -142,11 +137,10 @@ def test_forward_facing_captures_are_learned_in_ndc_with_noise_on_their_densitie
     assert not torch.equal(before, fit.runtime.generator.get_state()) and torch.isfinite(noisy[0]).all()
 
 
-def test_empty_rays_of_cut_outs_are_white():
-    _, photos = still_life(2)
-    sampling = NerfSampling(2.0, 5.0, coarse=8, fine=8)
-    fit = NerfFit(bank_of(photos, "alpha"), "alpha", Box(), sampling, TINY, start_runtime(0, 1, "cpu"))
+def test_empty_rays_of_cut_out_objects_are_white():
+    dataset, sampling = pixel_dataset(still_life(2)[1], "alpha"), NerfSampling(2.0, 5.0, coarse=8, fine=8)
+    fit = NerfFit(dataset, "alpha", Box(), sampling, TINY, start_runtime(0, 1, "cpu"))
     for network in (fit.field.coarse, fit.field.fine):
         network.alpha_linear.bias.data[:] = -100.0
-    coarse, fine = fit._render(fit.dataset.rays(torch.arange(5)))
-    assert_allclose(coarse.detach(), np.ones((5, 3))), assert_allclose(fine.detach(), np.ones((5, 3)))
+    for colors in fit._render(dataset.rays(torch.arange(5))):
+        assert_allclose(colors.detach(), np.ones((5, 3)))

@@ -1,4 +1,4 @@
-"""The vanilla NeRF: what it computes is what a plain reading of its paper and programs computes."""
+"""The vanilla NeRF computes what a plain reading of its paper and programs computes."""
 
 import math
 
@@ -22,7 +22,7 @@ SMALL = NerfShape(width=16, view_width=8, position_frequencies=4, direction_freq
 def network(shape=SMALL, seed=0):
     torch.manual_seed(seed)
     made = NerfNetwork(shape)
-    for layer in made.modules():  # stronger than a fresh network, so that something is solid
+    for layer in made.modules():  # larger weights than a fresh network's make some of it solid
         if isinstance(layer, torch.nn.Linear):
             layer.weight.data *= 2
     return made.requires_grad_(False)
@@ -45,7 +45,7 @@ def some_rays(count=6):
 
 
 def reference_color(module, ray, ground):
-    """Color of one ray by the plain reading."""
+    """Color of one ray, computed by the reference."""
     origin, direction = ray.origins[0].double().numpy(), ray.viewdirs[0].double().numpy()
     t = np.linspace(module.sampling.near, module.sampling.far, module.sampling.coarse)
     coarse = [vanilla(in_float64(module.coarse), origin + v * direction, direction, (4, 2)) for v in t]
@@ -55,16 +55,15 @@ def reference_color(module, ray, ground):
     return composited([f[0] for f in fine], [f[2] for f in fine], t, 1.0, ground)[0]
 
 
-def test_the_network_of_the_paper_has_its_layers_and_parameters():
+def test_network_has_the_papers_layers_and_parameters():
     made = NerfNetwork(NerfShape())
     assert sum(p.numel() for p in made.parameters()) == 595_844
-    inputs = [layer.in_features for layer in made.pts_linears]
-    assert inputs == [63, 256, 256, 256, 256, 319, 256, 256]
+    assert [layer.in_features for layer in made.pts_linears] == [63, 256, 256, 256, 256, 319, 256, 256]
     assert (made.feature_linear.out_features, made.views_linears[0].in_features) == (256, 283)
     assert (made.views_linears[0].out_features, made.rgb_linear.out_features) == (128, 3)
 
 
-def test_density_features_and_color_are_those_of_the_reference():
+def test_density_features_and_color_match_the_reference():
     module, rays = field(), some_rays()
     features = module.features(rays.origins)
     colors = module.color(rays.origins, rays.viewdirs, features)
@@ -76,7 +75,7 @@ def test_density_features_and_color_are_those_of_the_reference():
 
 
 @pytest.mark.parametrize(("kind", "ground"), [("alpha", 1.0), ("white", 1.0), ("black", 0.0), ("opaque", 0.0)])
-def test_colors_of_rays_are_those_of_the_reference(kind, ground):
+def test_colors_of_rays_match_the_reference(kind, ground):
     module, rays = field(), some_rays()
     colors = Scene(module, None, kind, 1.0).colors(rays)
     expected = np.stack([reference_color(module, rays[n : n + 1], ground) for n in range(len(rays))])
@@ -84,7 +83,7 @@ def test_colors_of_rays_are_those_of_the_reference(kind, ground):
     assert expected.std() > 0.02  # they are not plain gray
 
 
-def test_samples_of_a_trace_are_sorted_and_their_weights_sum_to_one():
+def test_trace_samples_are_sorted_with_weights_that_sum_to_one():
     rays = some_rays()
     trace = field().trace(rays)
     assert len(trace.samples) == 6 * 20
@@ -94,32 +93,30 @@ def test_samples_of_a_trace_are_sorted_and_their_weights_sum_to_one():
     assert_allclose(trace.samples.positions[:20], along, atol=1e-5)
 
 
-def test_a_rotated_moved_and_scaled_field_renders_the_same():
-    angle, scale, shift = 0.7, 2.5, torch.tensor([0.3, -1.0, 2.0])
-    turn = torch.tensor([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1.0]])
-    rays = some_rays()
-    # the world in which the same rays lie elsewhere: x' = turn (x - shift) * scale
-    matrix = torch.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = scale * turn, -scale * turn @ shift
-    there = Rays(rays.origins @ turn / scale + shift, rays.viewdirs @ turn)
+def test_moved_rotated_and_scaled_field_renders_the_same():
+    scale, shift, cos, sin, rays = 2.5, torch.tensor([0.3, -1.0, 2.0]), math.cos(0.7), math.sin(0.7), some_rays()
+    rotation = torch.tensor([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
+    world_to_grid = torch.eye(4)
+    world_to_grid[:3, :3], world_to_grid[:3, 3] = scale * rotation, -scale * rotation @ shift
+    moved_rays = Rays(rays.origins @ rotation / scale + shift, rays.viewdirs @ rotation)
     sampling = NerfSampling(1.0 / scale, 4.0 / scale, coarse=8, fine=12)
-    moved = Scene(field(Similarity(matrix), sampling), None, "black", 1.0).colors(there)
+    moved = Scene(field(Similarity(world_to_grid), sampling), None, "black", 1.0).colors(moved_rays)
     assert_allclose(moved, Scene(field(), None, "black", 1.0).colors(rays), atol=1e-3)
 
 
 @pytest.mark.parametrize("shape", [SMALL, NerfShape(3, 8, (), 4, 3, 1, True, True)], ids=["vanilla", "flexible"])
-def test_a_saved_scene_comes_back_bit_for_bit(tmp_path, shape):
+def test_saved_scene_loads_bit_by_bit(tmp_path, shape):
     matrix = torch.eye(4)
     matrix[0, 3] = 0.5
     sampling = NerfSampling(0.5, 9.0, True, 8, 12)
     made = NerfField(network(shape, 1), network(SMALL, 2), sampling, Similarity(matrix), torch.randn(2, 3))
-    save_scene(Scene(made, None, "opaque", 1.0), tmp_path / "scene.safetensors")
+    scene = Scene(made, None, "opaque", 1.0)
+    save_scene(scene, tmp_path / "scene.safetensors")
     loaded = load_scene(tmp_path / "scene.safetensors")
     assert loaded.field.coarse.shape == shape and loaded.field.sampling == sampling
     assert loaded.background is None and loaded.background_kind == "opaque"
     assert torch.equal(loaded.field.bounds, made.bounds)
-    rays = some_rays()
-    assert torch.equal(loaded.colors(rays), Scene(made, None, "opaque", 1.0).colors(rays))
+    assert torch.equal(loaded.colors(some_rays()), scene.colors(some_rays()))
 
 
 CONTRADICTIONS = [
@@ -130,7 +127,7 @@ CONTRADICTIONS = [
 
 
 @pytest.mark.parametrize("change", CONTRADICTIONS, ids=str)
-def test_a_scene_whose_facts_contradict_its_networks_is_refused(tmp_path, change):
+def test_scene_contradicting_its_networks_is_rejected(tmp_path, change):
     path = tmp_path / "scene.safetensors"
     save_scene(Scene(field(Similarity(torch.eye(4))), None, "opaque", 1.0), path)
     tensors, facts = load_tensors(path, SCHEMA)
@@ -141,6 +138,6 @@ def test_a_scene_whose_facts_contradict_its_networks_is_refused(tmp_path, change
         load_scene(path)
 
 
-def test_the_length_scale_follows_the_bounds():
+def test_voxel_size_follows_the_bounds():
     assert field().voxel == pytest.approx(4 / 128)
     assert field().n_features == 16

@@ -1,4 +1,4 @@
-"""Fitting open space: the still life before a sky, in a contraction and in a frustum, with sparse points and without."""
+"""Open scenes, with and without sparse points, are learned in a contraction or a frustum."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from blender_tests.engine.fields.fitting import bank_of, points_on_the_still_life, silent, views_of
+from blender_tests.engine.fields.fitting import pixel_dataset, points_on_the_still_life, silent, views_of
 from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, camera_at, cameras, take_photo
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import BadRequest
@@ -30,11 +30,11 @@ def open_settings(*levels, samples=3000, max_rays=512):
 
 SETTINGS = open_settings(Level(24, 60, 1.0), Level(48, 110, 1.0), samples=16_000, max_rays=1500)
 RING = cameras(20)
-FRONT = [camera_at(0.12 * (n % 5 - 2), 0.35 + 0.1 * (n // 5)) for n in range(15)]  # looks about the same way
+FRONT = [camera_at(0.12 * (n % 5 - 2), 0.35 + 0.1 * (n // 5)) for n in range(15)]  # forward-facing
 
 
 def telephoto(azimuth, elevation, distance=7.0):
-    """A camera so far away, with a lens so long, that the still life fills its picture and leaves it on all sides."""
+    """A distant camera with a long lens; the still life is wider than its picture."""
     camera = camera_at(azimuth, elevation, distance=distance)
     return replace(camera, fx=4 * camera.fx, fy=4 * camera.fy)
 
@@ -48,7 +48,7 @@ def start(cameras, space, with_points=True, settings=SETTINGS, device="cpu"):
     views = views_of(cameras)
     if space == "frustum":
         views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views]
-    dataset, runtime = bank_of(photos, "opaque", device), start_runtime(0, threads=1, device=str(device))
+    dataset, runtime = pixel_dataset(photos, "opaque", device), start_runtime(0, threads=1, device=str(device))
     return field_kind(settings.field).start(FitInputs(dataset, "opaque", space, views, points, settings, runtime))
 
 
@@ -57,38 +57,33 @@ def fit(*arguments, **options):
 
 
 def ball_depth_error(scene, angles):
-    """Median error of the depth in the middle of the ball, seen from these angles, world units.
-
-    A mean would tell of the pixel that lets a thousandth of the sky through: that is a thousand times as far away.
-    """
+    """Median depth error in the middle of the ball, world units; a pixel that shows some sky would rule the mean."""
     errors = []
     for angle in angles:
         camera = camera_at(angle, 0.5)
         pixel, depth = camera.project(BALL_CENTER[None])
         u, v = np.floor(pixel[0]).astype(int)
-        shown = scene.render(camera, 1).depth.cpu().numpy()[v - 1 : v + 2, u - 1 : u + 2]
-        errors.append(np.abs(shown - (depth[0] - BALL_RADIUS)))
+        rendered = scene.render(camera, 1).depth.cpu().numpy()[v - 1 : v + 2, u - 1 : u + 2]
+        errors.append(np.abs(rendered - (depth[0] - BALL_RADIUS)))
     return float(np.median(errors))
 
 
 @pytest.mark.parametrize(
     ("space", "rig", "angles"), [("contraction", RING, (0.05, 1, 2, 3, 4)), ("frustum", FRONT, (-0.1, 0.05, 0.2))]
 )
-def test_a_held_out_view_is_rendered_well(space, rig, angles, tmp_path, device):
-    scene = fit(rig, space, device=device)
-    camera = camera_at(0.05, 0.5)
-    truth = take_photo(camera, sky=True)
-    picture = scene.render(camera, 3)
-    thing = truth.labels > 0
-    assert psnr(picture.color.cpu().numpy()[thing], truth.color[thing]) >= 18
-    assert picture.opacity.cpu().numpy()[thing].mean() > 0.95
+def test_held_out_view_is_rendered_well(space, rig, angles, tmp_path, device):
+    scene, camera = fit(rig, space, device=device), camera_at(0.05, 0.5)
+    truth, picture = take_photo(camera, sky=True), scene.render(camera, 3)
+    is_object = truth.labels > 0
+    assert psnr(picture.color.cpu().numpy()[is_object], truth.color[is_object]) >= 18
+    assert picture.opacity.cpu().numpy()[is_object].mean() > 0.95
     assert ball_depth_error(scene, angles) < 0.24  # two voxels
     save_scene(scene, tmp_path / "scene.safetensors")
-    again = load_scene(tmp_path / "scene.safetensors", device).render(camera, 3)
-    assert torch.equal(again.color, picture.color) and torch.equal(again.depth, picture.depth)
+    loaded = load_scene(tmp_path / "scene.safetensors", device).render(camera, 3)
+    assert torch.equal(loaded.color, picture.color) and torch.equal(loaded.depth, picture.depth)
 
 
-def test_a_long_lens_is_no_worse_than_any_other():
+def test_long_lens_views_are_rendered_well():
     scene = fit(TELEPHOTOS, "contraction")
     for angle in (0.15, 1.2, 3.3):
         camera = telephoto(angle, 0.55)
@@ -99,74 +94,70 @@ def test_a_long_lens_is_no_worse_than_any_other():
 def test_cells_in_free_space_are_left_out(is_refined):
     state = start(TELEPHOTOS, "contraction")
     field = state._refined(Level(40, 1, 1.0)) if is_refined else state.field
-    places = field.space.to_world(field.cell_centers()).double().numpy()
+    centers = field.space.to_world(field.cell_centers()).double().numpy()
     for camera in TELEPHOTOS:
-        pixels, depth = camera.project(places)
-        shown = ((pixels > 0) & (pixels < camera.width)).all(1) & (depth > 0)
+        pixels, depth = camera.project(centers)
+        in_view = ((pixels > 0) & (pixels < camera.width)).all(1) & (depth > 0)
         nearest = np.linalg.norm(camera.position) - 1.1
-        assert not (shown & (depth < 0.85 * nearest)).any()
+        assert not (in_view & (depth < 0.85 * nearest)).any()
 
 
-def test_sparse_points_put_the_surface_where_it_is():
+def test_sparse_points_improve_the_surface_depth():
     few = [camera_at(angle, 0.5) for angle in (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75)]
-    with_points, without = (
-        ball_depth_error(fit(few, "contraction", given), (-0.37, -0.12, 0.12, 0.37)) for given in (True, False)
-    )
+    scenes = (fit(few, "contraction", with_points) for with_points in (True, False))
+    with_points, without = (ball_depth_error(scene, (-0.37, -0.12, 0.12, 0.37)) for scene in scenes)
     assert with_points < 0.12
     assert with_points < 0.8 * without
 
 
 def test_total_variation_uses_no_pruned_vertex(monkeypatch):
-    asked, differences, prune = [], TorchRenderer.differences, VoxelField.pruned
+    all_rows, differences, prune = [], TorchRenderer.differences, VoxelField.pruned
 
-    def note(renderer, rows, other_rows):
-        asked.append(rows)
+    def record(renderer, rows, other_rows):
+        all_rows.append(rows)
         return differences(renderer, rows, other_rows)
-
-    def prune_half_as_well(field, keep):
-        return prune(field, keep & (torch.arange(len(keep)) < len(keep) // 2))
 
     state = start(cameras(8), "contraction", True, open_settings(Level(12, 16, 1.0), Level(16, 4, 1.0)))
     monkeypatch.setenv("KARF_KERNELS", "off")
-    monkeypatch.setattr(TorchRenderer, "differences", note)
-    monkeypatch.setattr(VoxelField, "pruned", prune_half_as_well)
-    for _ in state.scenes(silent()):
-        pass
-    # a vertex without a row of its own would be taken for that of the first row, which is one of hundreds
-    assert max((rows == 0).float().mean().item() for rows in asked) < 0.02
+    monkeypatch.setattr(TorchRenderer, "differences", record)
+    monkeypatch.setattr(
+        VoxelField, "pruned", lambda field, keep: prune(field, keep & (torch.arange(len(keep)) < len(keep) // 2))
+    )
+    list(state.scenes(silent()))
+    # a vertex without a row of its own would be taken for the first row, which is one of hundreds
+    assert max((rows == 0).float().mean().item() for rows in all_rows) < 0.02
 
 
 def test_pruning_keeps_cells_that_photos_show(monkeypatch):
     monkeypatch.setattr(voxel_fit, "BATCH_RAYS", 64)
-    monkeypatch.setattr(voxel_fit, "FEWEST_BATCHES", 2)  # alone they miss a twentieth of it
+    monkeypatch.setattr(voxel_fit, "FEWEST_BATCHES", 2)  # which alone miss 5 % of the visible cells
     few = open_settings(Level(40, 30, 1.0), Level(48, 1, 1.0), samples=6000, max_rays=1500)
     state = start(cameras(8), "contraction", True, few)
     unpruned = next(state.scenes(silent())).field
     renderer = new_renderer(unpruned, state.runtime, 1.0, 0.0, 0.1, 0.1)
-    pixels = torch.arange(len(state.dataset))
-    is_shown = renderer.visibility(state.dataset.rays(part) for part in pixels.split(4096)) > 0.1
+    parts = torch.arange(len(state.dataset)).split(4096)
+    is_shown = renderer.visibility(state.dataset.rays(part) for part in parts) > 0.1
     kept = state._pruned().occupied[unpruned.occupied]
     assert kept[is_shown].float().mean() > 0.99
     assert kept.float().mean() < 0.97
 
 
-def test_pruning_of_fog_does_not_depend_on_the_cell_size(monkeypatch):
+def test_pruning_of_fog_does_not_depend_on_cell_size(monkeypatch):
     monkeypatch.setattr(voxel_fit, "PRUNED_AT", 12)
     state = start(cameras(8), "contraction", True, open_settings(Level(12, 5, 1.0)))
     learned = next(state.scenes(silent())).field
 
-    def kept(n):
+    def kept_share(n):
         voxel = 12 * learned.voxel / n
         field = VoxelField(learned.minimum, voxel, torch.ones(n, n, n, dtype=torch.bool), 6, space=learned.space)
-        depth = torch.tensor(0.03 * 12 / n)  # of a cell
-        field.raw_density.data.fill_(depth.expm1().log() - field.density_bias)
+        optical_depth = torch.tensor(0.03 * 12 / n)  # of a cell
+        field.raw_density.data.fill_(optical_depth.expm1().log() - field.density_bias)
         state.field, state.renderer = field, state._new_renderer(field)
         return state._pruned().occupied.float().mean().item()
 
-    assert kept(24) > 0.7 * kept(12) > 0.4
+    assert kept_share(24) > 0.7 * kept_share(12) > 0.4
 
 
-# ------------------------------------------------------------------------------------------------------------ the choice
 PHOTOS = [take_photo(camera) for camera in RING]
 ON_TABLE, ALL_ROUND = (points_on_the_still_life(RING, PHOTOS, spread) for spread in (1.0, 8.0))
 
@@ -183,43 +174,43 @@ ON_TABLE, ALL_ROUND = (points_on_the_still_life(RING, PHOTOS, spread) for spread
         ("opaque", RING, None, ON_TABLE, "contraction", "contraction"),
     ],
 )
-def test_the_space_follows_from_background_cameras_and_points(kind, cameras, bounds, points, setting, space):
+def test_space_follows_from_background_cameras_and_points(kind, cameras, bounds, points, setting, space):
     views = [replace(view, depth_bounds=bounds) for view in views_of(cameras)]
     assert choose_space(kind, views, points, replace(GeometrySettings(), space=setting)) == space
     assert is_forward_facing(cameras) == (cameras is FRONT)
 
 
-def test_the_nearest_depth_is_declared_or_that_of_the_points():
+def test_nearest_depth_is_declared_or_taken_from_points():
     assert min_depth(views_of(RING), ON_TABLE) == pytest.approx(3.6 - 0.8, abs=0.25)
     declared = [replace(view, depth_bounds=(1.5 + n, 99.0)) for n, view in enumerate(views_of(RING))]
     assert min_depth(declared, ON_TABLE) == 1.5
     assert min_depth(views_of(RING), None) is None
 
 
-def test_a_frustum_without_any_depth_is_refused():
-    dataset = bank_of([take_photo(camera) for camera in FRONT], "opaque")
+def test_frustum_without_any_depth_is_rejected():
+    dataset = pixel_dataset([take_photo(camera) for camera in FRONT], "opaque")
     inputs = FitInputs(dataset, "opaque", "frustum", views_of(FRONT), None, SETTINGS, start_runtime(0, 1, "cpu"))
     with pytest.raises(BadRequest, match="how near"):
         field_kind("voxels").start(inputs)
 
 
-def test_each_observation_is_the_pixel_that_shows_its_point():
-    dataset = bank_of(PHOTOS, "opaque")
+def test_observations_pair_points_with_the_pixels_that_show_them():
+    dataset = pixel_dataset(PHOTOS, "opaque")
     pixels, positions = find_observations(dataset, Box(), ON_TABLE)
     assert len(pixels) == len(positions) == len(ON_TABLE.view)
     rays = dataset.rays(pixels)
     toward = torch.nn.functional.normalize(positions - rays.origins, dim=1)
     assert (toward * rays.viewdirs).sum(1).min() > np.cos(1.0 / RING[0].fx)  # within a pixel
-    bad = replace(ON_TABLE, errors=np.where(np.arange(300) < 150, 9.0, 0.3).astype(np.float32))
-    assert len(find_observations(dataset, Box(), bad)[0]) == (ON_TABLE.point >= 150).sum()
+    inexact = replace(ON_TABLE, errors=np.where(np.arange(300) < 150, 9.0, 0.3).astype(np.float32))
+    assert len(find_observations(dataset, Box(), inexact)[0]) == (ON_TABLE.point >= 150).sum()
 
 
-def test_the_contraction_covers_what_cameras_see():
+def test_contraction_covers_what_cameras_see():
     space = Contraction(torch.zeros(3), 1.0, 1.0, 0.1)
     pair = [camera_at(0.0, 0.3), camera_at(0.4, 0.3)]
     behind_both = pair[0].position + pair[1].position
-    at_the_border = pair[0].position + pair[0].camera_to_world[:3, :3] @ [0.48 * 32 / pair[0].fx, 0.0, -1.0]
-    world = torch.tensor(np.stack([np.zeros(3), behind_both, [0.0, 0, 30], at_the_border])).float()
+    at_border = pair[0].position + pair[0].camera_to_world[:3, :3] @ [0.48 * 32 / pair[0].fx, 0.0, -1.0]
+    world = torch.tensor(np.stack([np.zeros(3), behind_both, [0.0, 0, 30], at_border])).float()
     assert space.is_seen(space.to_grid(world), pair).tolist() == [True, False, False, True]
     low, high = space.grid_bounds(pair)
     assert low.tolist() == [-2, -2, -2] and high.tolist() == [2, 2, 2]

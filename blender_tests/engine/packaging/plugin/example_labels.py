@@ -1,8 +1,8 @@
-"""A way to labels of one's own: the masks are taken as they are (docs/extending.md)."""
+"""Example labels (docs/extending.md): the masks, unchanged."""
 
 from karf_engine.segmentation.labels import LabelledSurface, LabelProblem, vote_on_surface
 
 
 def exact(problem: LabelProblem) -> LabelledSurface:
-    """The labels that the masks' votes say, without propagation."""
+    """The labels of the masks' votes, without propagation."""
     return vote_on_surface(problem)

@@ -1,4 +1,4 @@
-"""A layer of one's own: a linear map (docs/extending.md)."""
+"""Example layer (docs/extending.md): a linear map."""
 
 from torch import nn
 

@@ -1,4 +1,4 @@
-"""The parts of matting by themselves, and what rough masks say to a photo's mattes."""
+"""The parts of matting, and the rough masks that guide a photo's mattes."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,8 +15,12 @@ from karf_engine.recolor.matting.thin_parts import Marks, read_marks, undistort_
 from karf_engine.recolor.matting.tiles import tiles, upsample_tile
 from karf_engine.segmentation.random_walk import neighbor_links, random_walk
 
+CAMERA = Camera(24, 16, 20.0, 20.0, 12.0, 8.0, np.eye(4))
+VIEW = View("left", "left", CAMERA, Path("left.jpg"), "train")
+BENT = replace(CAMERA, distortion=(0.3, 0.0, 0.0, 0.0))
 
-def test_matting_finds_the_coverage_of_a_line_of_colors():
+
+def test_matting_recovers_the_coverage_of_mixed_colors():
     random = np.random.default_rng(0)
     coverage = np.clip(np.linspace(-1, 2, 40), 0, 1)[None].repeat(12, 0).astype(np.float32)
     colors = coverage[..., None] * [0.7, 0.1, 0.1] + (1 - coverage[..., None]) * [0.1, 0.2, 0.5]
@@ -27,7 +31,7 @@ def test_matting_finds_the_coverage_of_a_line_of_colors():
     assert np.abs(found - coverage[unknown]).max() < 0.05
 
 
-def test_labels_of_a_random_walk_sum_to_one_and_stop_at_edges():
+def test_random_walk_labels_sum_to_one_and_stop_at_edges():
     lab = np.zeros((20, 20, 3), np.float32)
     lab[:, 10:] = 50
     free = np.zeros((20, 20), bool)
@@ -40,20 +44,18 @@ def test_labels_of_a_random_walk_sum_to_one_and_stop_at_edges():
     assert labels[0].reshape(20, 16)[:, :8].min() > 0.9 > 0.1 > labels[0].reshape(20, 16)[:, 8:].max()
 
 
-def test_a_color_that_two_classes_have_belongs_to_the_one_that_has_it_thereabouts():
+def test_shared_color_belongs_to_the_class_nearby():
     lab = np.zeros((60, 60, 3), np.float32)
     lab[:, 30:] = 60  # on the left class 0 has 0 and class 1 has 60; on the right it is the other way round
     lab[30:] = 60 - lab[30:]
     strengths = np.zeros((2, 60, 60))
     strengths[0, :, :30] = strengths[1, :, 30:] = 1
     models = fit_color_models(lab, strengths, np.random.default_rng(0))
-    above, below = np.array([[0.1, 0.2]]), np.array([[0.9, 0.2]])
-    even = np.ones((2, 1))
-    dark = np.zeros((1, 3))
-    assert posterior(models, dark, above, even)[0] > 0.7 > 0.3 > posterior(models, dark, below, even)[0]
+    above, below = (posterior(models, np.zeros((1, 3)), np.array([[y, 0.2]]), np.ones((2, 1)))[0] for y in (0.1, 0.9))
+    assert above > 0.7 > 0.3 > below
 
 
-def test_tiles_cover_a_picture_once_and_enlarge_as_one():
+def test_tiles_cover_a_picture_once_and_upsample_as_one():
     counted = np.zeros((70, 50), int)
     planes = np.random.default_rng(0).random((2, 20, 15))
     whole = upsample_tile(planes, (70, 50), next(tiles((70, 50), side=100, margin=0)))
@@ -65,13 +67,7 @@ def test_tiles_cover_a_picture_once_and_enlarge_as_one():
     assert np.abs(pieces - whole).max() < 1e-3
 
 
-# ---------------------------------------------------------------------------------------------------------- rough masks
-CAMERA = Camera(24, 16, 20.0, 20.0, 12.0, 8.0, np.eye(4))
-VIEW = View("left", "left", CAMERA, Path("left.jpg"), "train")
-BENT = replace(CAMERA, distortion=(0.3, 0.0, 0.0, 0.0))
-
-
-def draw(path, mask):
+def write_mask(path, mask):
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray((mask * 255).astype(np.uint8)).save(path)
 
@@ -83,11 +79,11 @@ def mask():
     return drawn
 
 
-def test_each_object_has_what_is_drawn_of_it_on_this_photo(tmp_path, mask):
+def test_marks_are_read_for_each_object_of_a_photo(tmp_path, mask):
     assert read_marks(tmp_path / "no folder", ["pot"], VIEW) == Marks(None, (False,))
-    draw(tmp_path / "mug" / "right.png", ~mask)
+    write_mask(tmp_path / "mug" / "right.png", ~mask)
     assert read_marks(tmp_path, ["mug"], VIEW) == Marks(None, (False,))
-    draw(tmp_path / "pot" / "left.png", mask)
+    write_mask(tmp_path / "pot" / "left.png", mask)
     marks = read_marks(tmp_path, ["mug", "pot"], VIEW)
     assert not marks.drawn[0].any() and np.array_equal(marks.drawn[1], mask)
     (tmp_path / "pot" / "left.png").write_bytes(b"no picture")  # says nothing
@@ -95,26 +91,26 @@ def test_each_object_has_what_is_drawn_of_it_on_this_photo(tmp_path, mask):
     assert not marks.drawn.any() and marks.thin == (False,)
 
 
-def test_an_object_has_a_thin_part_where_a_mask_of_any_photo_shows_one(tmp_path):
+def test_thin_part_is_found_in_a_mask_of_any_photo(tmp_path):
     blob = np.zeros((100, 200), bool)
     blob[20:60, 20:60] = True
-    draw(tmp_path / "pot" / "left.png", blob)
-    draw(tmp_path / "lamp" / "left.png", blob)
+    write_mask(tmp_path / "pot" / "left.png", blob)
+    write_mask(tmp_path / "lamp" / "left.png", blob)
     assert read_marks(tmp_path, ["lamp", "pot"], VIEW).thin == (False, False)
     blob[40:42, 60:90] = True
-    draw(tmp_path / "lamp" / "right.png", blob)
+    write_mask(tmp_path / "lamp" / "right.png", blob)
     assert read_marks(tmp_path, ["lamp", "pot"], VIEW).thin == (True, False)
-    draw(tmp_path / "lamp" / "right.png", ~blob)  # drawn anew
+    write_mask(tmp_path / "lamp" / "right.png", ~blob)  # drawn anew
     assert read_marks(tmp_path, ["lamp", "pot"], VIEW).thin == (False, False)
 
 
 @pytest.mark.parametrize("camera, says", [(CAMERA, True), (BENT, False)])
-def test_a_mask_of_the_working_size_is_a_pinhole_s(tmp_path, mask, camera, says):
-    draw(tmp_path / "pot" / "left.png", mask[::2, ::2])
+def test_mask_of_the_working_size_needs_a_pinhole_camera(tmp_path, mask, camera, says):
+    write_mask(tmp_path / "pot" / "left.png", mask[::2, ::2])
     assert read_marks(tmp_path, ["pot"], replace(VIEW, camera=camera)).drawn.any() == says
 
 
-def test_a_pinhole_shows_the_marks_of_its_lens_straightened(mask):
+def test_marks_are_undistorted_for_a_pinhole_camera(mask):
     marks, unmarked = Marks(mask[None], (True,)), Marks(None, (True,))
     assert undistort_marks(unmarked, BENT) is unmarked and undistort_marks(marks, CAMERA) is marks
     straight = undistort_marks(marks, BENT)

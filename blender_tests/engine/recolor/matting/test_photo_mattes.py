@@ -1,4 +1,4 @@
-"""The field says roughly where an object is, the photo exactly where, and each is right where the other cannot know."""
+"""Mattes of a photo, from the field's rough masks and the photo's own edges."""
 
 from itertools import pairwise
 
@@ -23,24 +23,24 @@ def disk(x, y, radius):
 
 
 def winding(width):
-    """A thin part above the ball of the lamp."""
+    """A winding cable above the ball of the lamp."""
     return (np.abs(COLUMNS - 96 - 4 * np.sin(ROWS / 9)) < width) & (ROWS < 60)
 
 
 def wall(shape=None, color=GREEN):
-    """A gray wall, with this shape on it."""
+    """A gray wall with a colored shape on it."""
     picture = np.full((SIZE, SIZE, 3), GRAY, np.uint8)
     if shape is not None:
         picture[cv2.resize(shape.astype(np.float32), (SIZE, SIZE), interpolation=cv2.INTER_AREA) > 0.5] = color
     return picture
 
 
-def mattes_of(scene):
+def find_mattes(scene):
     return make_mattes("photo", scene.photo, scene.probabilities, scene.rendered)
 
 
-def found(scene):
-    return dense_coverage(mattes_of(scene), scene.photo.shape[:2])
+def find_coverage(scene):
+    return dense_coverage(find_mattes(scene), scene.photo.shape[:2])
 
 
 def error(coverage, truth):
@@ -48,43 +48,36 @@ def error(coverage, truth):
 
 
 BALL, LAMP, EVERYWHERE, LEFT = disk(96, 96, 50), disk(96, 100, 42), COLUMNS > 0, COLUMNS < 96.5
-SCENES = {  # shapes, colors, behind, and the shapes as the field has learned them
-    "learned too large": ([BALL], [RED], wall(), [disk(96, 96, 54)]),
-    "touching": ([BALL & LEFT, BALL & ~LEFT], [RED, GREEN], wall(), [BALL & (COLUMNS < 99), BALL & (COLUMNS >= 99)]),
-    "beside its color": ([disk(60, 96, 40)], [RED], wall(disk(140, 96, 40), RED), [disk(60, 96, 40)]),
-    "a thin part is lost": ([LAMP | winding(1.8) & (ROWS > 20)], [GREEN], wall(), [LAMP]),
-    "fills the photo": ([EVERYWHERE], [RED], wall(), [EVERYWHERE]),
-}
+TOO_LARGE = [BALL], [RED], wall(), [disk(96, 96, 54)]
 WHOLE, TIP = np.s_[:], np.s_[:, 24:50]
+SCENES = {  # (shapes, colors, background, shapes as learned by the field), where to compare, and the largest error
+    "learned too large": (TOO_LARGE, WHOLE, 0.01),
+    "touching": (([BALL & LEFT, BALL & ~LEFT], [RED, GREEN], wall(), [BALL & (COLUMNS < 99), BALL & (COLUMNS >= 99)]),
+                 WHOLE, 0.02),
+    "beside its color": (([disk(60, 96, 40)], [RED], wall(disk(140, 96, 40), RED), [disk(60, 96, 40)]), WHOLE, 0.01),
+    "a thin part is lost": (([LAMP | winding(1.8) & (ROWS > 20)], [GREEN], wall(), [LAMP]), TIP, 0.3),
+    "fills the photo": (([EVERYWHERE], [RED], wall(), [EVERYWHERE]), WHOLE, 1e-6),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "part", "most"),
-    [
-        ("learned too large", WHOLE, 0.01),
-        ("touching", WHOLE, 0.02),
-        ("beside its color", WHOLE, 0.01),
-        ("a thin part is lost", TIP, 0.3),
-        ("fills the photo", WHOLE, 1e-6),
-    ],
-)
-def test_an_edge_lies_where_the_photo_has_it_or_else_where_the_field_says(name, part, most):
-    scene = paint(*SCENES[name], SMALL)
-    coverage = found(scene)
+@pytest.mark.parametrize(("painted", "part", "most"), SCENES.values(), ids=SCENES)
+def test_edges_follow_the_photo_or_else_the_field(painted, part, most):
+    scene = paint(*painted, SMALL)
+    coverage = find_coverage(scene)
     assert error(coverage[part], scene.coverage[part]) < most
     assert coverage.sum(0).max() <= 1.001
 
 
 @pytest.fixture(scope="module")
 def ball():
-    """A red ball on gray that the field has learned one of its pixels too large."""
-    scene = paint(*SCENES["learned too large"], SMALL)
+    """A red ball on gray that the field has learned too large by one of its pixels."""
+    scene = paint(*TOO_LARGE, SMALL)
     assert error(dense_coverage(field_mattes((SIZE, SIZE), scene.probabilities), (SIZE, SIZE)), scene.coverage) > 0.1
     return scene
 
 
-def test_a_mixed_pixel_knows_the_object_s_own_color(ball):
-    matte = mattes_of(ball)[0]
+def test_mixed_pixels_hold_the_color_of_the_object(ball):
+    matte = find_mattes(ball)[0]
     mostly = matte.coverage.ravel()[matte.mixed] > 0.5
     assert mostly.sum() > 30
     photo = ball.photo[slice(*matte.rows), slice(*matte.columns)].reshape(-1, 3)[matte.mixed]
@@ -93,8 +86,8 @@ def test_a_mixed_pixel_knows_the_object_s_own_color(ball):
 
 
 @pytest.mark.parametrize("width", [40, 2 * TILE + 40], ids=["beside its object", "through another tile"])
-def test_a_line_that_is_all_border_keeps_what_its_labels_say_where_its_object_has_a_body(width):
-    """Nothing certain of the object touches it, and the surroundings on both sides are much like it."""
+def test_thin_line_keeps_its_labels_if_its_object_has_a_body(width):
+    """No certain pixel of the object touches the line, and both sides look much like it."""
     line, body = np.zeros((2, 40, width), bool)
     line[20, 20:-10] = body[15:25, 2:10] = True
     photo = np.where(line[..., None], np.uint8(GRAY) - 3, np.uint8(GRAY))
@@ -106,63 +99,57 @@ def test_a_line_that_is_all_border_keeps_what_its_labels_say_where_its_object_ha
 
 @pytest.fixture(scope="module")
 def lamp():
-    """A green lamp and its cable, of which the field shows the color, and says that it is none."""
+    """A green lamp with a cable; the field shows the cable's color but labels it as no object."""
     cable = winding(2.5)
     return paint([LAMP | cable], [GREEN], wall(cable), [LAMP], SMALL)
 
 
-def held(scene, drawn, thin):
-    """The object's mask where a rough mask is drawn on the photo, or rough masks show a thin part of it."""
+def marked_mask(scene, drawn, thin):
+    """The object's mask if a rough mask is drawn on the photo, or if some rough mask shows a thin part."""
     marks = Marks(None if drawn is None else drawn[None], (thin,))
     mattes = make_mattes("photo", scene.photo, scene.probabilities, scene.rendered, marks)
     return dense_coverage(mattes, scene.photo.shape[:2])[0] > 0.5
 
 
 @pytest.mark.parametrize("is_drawn", [True, False])
-def test_a_thin_part_is_the_object_s_under_a_mask_of_this_photo_or_where_any_mask_shows_one(lamp, is_drawn):
+def test_thin_part_belongs_to_the_object_if_marked(lamp, is_drawn):
     cable, brush = lamp.coverage[0] > 0.5, np.zeros((SIZE, SIZE), bool)
     cable[60:] = False
     brush[:70, 80:112] = True
-    assert found(lamp)[0][cable].mean() < 0.3
-    found_now = held(lamp, brush if is_drawn else None, thin=not is_drawn)
-    assert found_now[cable].mean() > 0.9
-    assert iou(found_now, lamp.coverage[0] > 0.5) > 0.95
+    assert find_coverage(lamp)[0][cable].mean() < 0.3
+    mask = marked_mask(lamp, brush if is_drawn else None, thin=not is_drawn)
+    assert mask[cable].mean() > 0.9 and iou(mask, lamp.coverage[0] > 0.5) > 0.95
 
 
-def green_ball_before(neighbor):
-    """A ball that touches a neighbor of its color, which the field knows."""
-    return paint([LAMP], [GREEN], wall(neighbor), [LAMP], SMALL)
-
-
-def test_nothing_of_a_neighbor_of_the_same_color_is_taken_though_a_mask_spills_over_it():
-    thick, thin = (green_ball_before((np.abs(COLUMNS - 96) < width) & (ROWS < 60)) for width in (30, 4))
-    expected = found(thick)[0] > 0.5
+def test_spilled_mask_takes_nothing_of_a_neighbor_of_the_same_color():
+    neighbors = [wall((np.abs(COLUMNS - 96) < width) & (ROWS < 60)) for width in (30, 4)]
+    thick, thin = (paint([LAMP], [GREEN], neighbor, [LAMP], SMALL) for neighbor in neighbors)
+    expected = find_coverage(thick)[0] > 0.5
     for spilled in (disk(96, 100, 48), disk(96, 90, 60)):
-        assert np.array_equal(held(thick, spilled, thin=True), expected)
-    assert found(thin)[0, :30].max() < 0.05
+        assert np.array_equal(marked_mask(thick, spilled, thin=True), expected)
+    assert find_coverage(thin)[0, :30].max() < 0.05
 
 
-def test_a_stray_patch_far_from_the_object_and_an_object_that_is_not_seen_cover_nothing(ball):
+def test_stray_patches_and_unseen_objects_cover_nothing(ball):
     probabilities = ball.probabilities.copy()
     probabilities[0, 44:46, 44:46] = 0.9
-    mattes = make_mattes("photo", ball.photo, probabilities, ball.rendered)
-    assert dense_coverage(mattes, (SIZE, SIZE))[0, 160:, 160:].max() == 0
+    strayed = make_mattes("photo", ball.photo, probabilities, ball.rendered)
+    assert dense_coverage(strayed, (SIZE, SIZE))[0, 160:, 160:].max() == 0
     assert make_mattes("photo", ball.photo, 0 * probabilities, ball.rendered)[0].coverage.size == 0
 
 
-def test_where_photo_and_field_disagree_the_field_is_right_and_the_matte_says_so(ball):
-    mattes = mattes_of(ball)
-    assert not mattes[0].disputed
-    # the field says that a thin ring about the ball is the object, and the photo that all of it looks like the wall
+def test_disputed_matte_follows_the_field_and_says_so(ball):
+    assert not find_mattes(ball)[0].disputed
+    # the field claims a thin ring around the ball; in the photo the ring looks like the wall
     ring = disk(96, 96, 64) & ~disk(96, 96, 52)
     claimed = cv2.resize(ring.astype(np.float32), (SMALL, SMALL), interpolation=cv2.INTER_AREA)[None] * 0.75
     matte = make_mattes("photo", ball.photo, claimed, ball.rendered)[0]
     field = field_mattes((SIZE, SIZE), claimed)[0]
-    agree = iou(*(dense_coverage([m], (SIZE, SIZE))[0] > 0.5 for m in (matte, field))) > 0.95
-    assert matte.disputed and agree
+    assert matte.disputed
+    assert iou(*(dense_coverage([each], (SIZE, SIZE))[0] > 0.5 for each in (matte, field))) > 0.95
 
 
-def test_a_soft_photo_is_decided_where_it_is_sharp(ball):
+def test_soft_photo_is_matted_at_its_sharp_size(ball):
     soft = to_bytes(linear_to_srgb(cv2.GaussianBlur(srgb_to_linear(ball.photo / 255), (0, 0), 2.5)))
     near = np.ones((SMALL, SMALL), bool)
     assert sharp_size(ball.photo, near) == (SIZE, SIZE)
@@ -171,7 +158,7 @@ def test_a_soft_photo_is_decided_where_it_is_sharp(ball):
     assert error(refined, cv2.GaussianBlur(ball.coverage[0], (0, 0), 2.5)[None]) < 0.06
 
 
-def test_sizes_grow_at_most_twofold():
+def test_steps_grow_at_most_twofold():
     sizes = steps((48, 64), (400, 530))
     assert sizes[0] == (48, 64) and sizes[-1] == (400, 530)
     assert all(b[0] / a[0] <= 2.1 for a, b in pairwise(sizes))

@@ -1,4 +1,4 @@
-"""Masks by a Segment Anything model in a folder: a tiny one, whose weights are random."""
+"""Masks by a tiny Segment Anything model of random weights in a folder."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ CLICKED = Prompts(points=((10.5, 10.5, True), (20.5, 30.5, False)))
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def model_folder(tmp_path_factory):
     transformers = pytest.importorskip("transformers")
     path, half = tmp_path_factory.mktemp("tiny"), {"num_hidden_layers": 1, "num_attention_heads": 2, "mlp_dim": 16}
     seen = {"hidden_size": 16, "image_size": SIDE, "patch_size": 16}
@@ -34,15 +34,15 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize(
     "prompts", [CLICKED, Prompts(box=(5.0, 5.0, 30.0, 30.0)), Prompts(lasso=((1, 1), (9, 1), (9, 9)))]
 )
-def test_every_kind_of_prompts_gets_a_mask_as_large_as_the_photo(folder, prompts):
-    mask = SegmentAnything(PHOTO, folder).propose(prompts)
+def test_every_prompt_gets_a_mask_of_the_photo_size(model_folder, prompts):
+    mask = SegmentAnything(PHOTO, model_folder).propose(prompts)
     assert mask.shape == PHOTO.shape[:2] and mask.dtype == bool
     assert all(mask[int(y), int(x)] == is_object for x, y, is_object in prompts.points)
 
 
 @pytest.mark.parametrize("weights", ["pytorch_model.bin", "model.safetensors"], ids=["pickled", "damaged"])
-def test_weights_that_are_pickled_or_damaged_are_told(folder, tmp_path, weights):
-    for path in folder.iterdir():
+def test_pickled_or_damaged_weights_are_rejected(model_folder, tmp_path, weights):
+    for path in model_folder.iterdir():
         if path.suffix == ".json":
             (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / weights).write_bytes(b"0" * 100)
@@ -50,13 +50,13 @@ def test_weights_that_are_pickled_or_damaged_are_told(folder, tmp_path, weights)
         SegmentAnything(PHOTO, tmp_path)
 
 
-def test_a_folder_without_a_model_is_told(tmp_path):
+def test_folder_without_a_model_is_rejected(tmp_path):
     pytest.importorskip("transformers")
     with pytest.raises(BadRequest, match=r"no config\.json"):
         SegmentAnything(PHOTO, tmp_path)
 
 
-def test_without_transformers_the_extra_is_named(tmp_path, monkeypatch):
+def test_missing_transformers_name_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "transformers", None)
     with pytest.raises(MissingDependency, match="transformers") as raised:
         SegmentAnything(PHOTO, tmp_path)

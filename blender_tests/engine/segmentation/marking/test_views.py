@@ -26,42 +26,40 @@ def middle(view):
 
 
 @pytest.fixture(scope="module")
-def wanted(view, middle):
+def expected(view, middle):
     return propose(read_photo(view.image), Prompts(points=(middle,)))
 
 
-def test_a_mask_is_written_as_segmentation_reads_it(still_life, view, middle, wanted, tmp_path):
+def test_library_writes_the_mask_of_a_view(still_life, view, middle, expected, tmp_path):
     path = mark(still_life.capture, view.name, "red ball", tmp_path, points=[middle])
     assert path == tmp_path / "red ball" / f"{view.name}.png"
-    assert (read_mask(path) == wanted).all() and wanted.any()
+    assert (read_mask(path) == expected).all() and expected.any()
 
 
-def test_the_command_line_writes_the_same(still_life, view, middle, wanted, tmp_path):
-    place = ",".join(map(str, middle[:2]))
-    done = run_engine(
-        "mark", still_life.capture, "--view", view.name, "--object", "ball", "--click", place, "--out", tmp_path
-    )
+def test_command_line_writes_the_same_mask(still_life, view, middle, expected, tmp_path):
+    options = "--view", view.name, "--object", "ball", "--click", f"{middle[0]},{middle[1]}", "--out", tmp_path
+    done = run_engine("mark", still_life.capture, *options)
     assert done.returncode == 0, done.stderr
-    assert (read_mask(tmp_path / "ball" / f"{view.name}.png") == wanted).all()
+    assert (read_mask(tmp_path / "ball" / f"{view.name}.png") == expected).all()
 
 
 @pytest.mark.parametrize("wrong", [{"object_name": "a/b"}, {"view": "nothing"}, {"points": []}])
-def test_what_cannot_be_marked_is_told_and_nothing_is_written(still_life, view, middle, tmp_path, wrong):
+def test_invalid_marks_are_rejected_and_nothing_is_written(still_life, view, middle, tmp_path, wrong):
     options = {"view": view.name, "object_name": "ball", "points": [middle]} | wrong
     with pytest.raises(KarfError):
         mark(still_life.capture, masks=tmp_path, **options)
     assert not list(tmp_path.rglob("*.png"))
 
 
-def test_a_worker_reads_a_photo_once(still_life, view, middle, wanted, tmp_path, monkeypatch):
+def test_worker_reads_a_photo_once(still_life, view, middle, expected, tmp_path, monkeypatch):
     read = []
     monkeypatch.setattr(proposals, "read_photo_of_view", lambda view: read.append(view) or read_photo(view.image))
     session, options = Session(tmp_path), {"capture": str(still_life.capture), "view": view.name}
     for prompts in (Prompts(box=(0.0, 0.0, 9.0, 9.0)), Prompts(points=(middle,))):
         answer = QUERIES["propose"](session, options | {"prompts": prompts.to_json()})
-    assert (read_mask(Path(answer["mask"])) == wanted).all() and len(read) == 1
+    assert (read_mask(Path(answer["mask"])) == expected).all() and len(read) == 1
 
 
-def test_a_query_says_what_it_needs(tmp_path):
+def test_incomplete_query_names_what_is_missing(tmp_path):
     with pytest.raises(KarfError, match="without capture and prompts"):
         QUERIES["propose"](Session(tmp_path), {"view": "r_0"})

@@ -1,4 +1,4 @@
-"""Files of Gaussians that the engine only reads, and how far two tables are from each other."""
+"""Sample files of Gaussians, writers of the formats that the engine only reads, and a comparison of tables."""
 
 import json
 import re
@@ -16,12 +16,12 @@ from karf_engine.splats.formats.registry import arrays_of, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 
-ENDS = (".ply", ".compressed.ply", ".spz", ".glb", ".gltf", ".usda", ".usdc", ".usd")  # that are written
+ENDS = (".ply", ".compressed.ply", ".spz", ".glb", ".gltf", ".usda", ".usdc", ".usd")  # formats that can be written
 CODES = 256
 
 
 def unit_cloud(count: int = 300, degree: int = 3, seed: int = 0) -> np.ndarray:
-    """A cloud whose quaternions are of length 1, and w positive: what packed kinds give back."""
+    """A cloud with unit quaternions and positive w, as packed formats return them."""
     table = cloud(count, degree, seed)
     rotations = table[:, GROUPS["rotation"]]
     rotations /= np.linalg.norm(rotations, axis=1, keepdims=True)
@@ -30,7 +30,7 @@ def unit_cloud(count: int = 300, degree: int = 3, seed: int = 0) -> np.ndarray:
 
 
 def distances(found: np.ndarray, wanted: np.ndarray) -> dict[str, float]:
-    """The largest difference in each group of columns; opacities instead of logits, rotations up to their sign."""
+    """The largest difference in each group of columns, comparing opacities and ignoring the sign of quaternions."""
     found, wanted = found.astype(np.float64), wanted.astype(np.float64)
     for table in (found, wanted):
         table[:, LOGIT] = 1 / (1 + np.exp(-table[:, LOGIT]))
@@ -46,7 +46,7 @@ def write_text(path: Path, table: np.ndarray) -> None:
 
 
 def write_splat(path: Path, table: np.ndarray) -> None:
-    """A .splat file, as antimatter15's convert.py makes it, in the table's order."""
+    """Write a .splat file as antimatter15's convert.py does, in the table's order."""
     rows = np.zeros(len(table), [("floats", "<f4", 6), ("bytes", "u1", 8)])
     rows["floats"] = np.concatenate([table[:, :LOG_SCALE], np.exp(table[:, LOG_SCALE:ROTATION])], 1)
     colors = np.concatenate([0.5 + C0 * table[:, COLOR : COLOR + 3], 1 / (1 + np.exp(-table[:, LOGIT:COLOR]))], 1)
@@ -56,7 +56,7 @@ def write_splat(path: Path, table: np.ndarray) -> None:
 
 
 def write_sog(path: Path, table: np.ndarray) -> None:
-    """A .sog archive of version 2, each Gaussian its own entry of the palette of harmonics."""
+    """Write a .sog archive of version 2 in which each Gaussian has its own entry in the harmonics palette."""
     from imagecodecs import webp_encode
 
     count, centers = len(table), table[:, :LOG_SCALE].astype(np.float64)
@@ -67,12 +67,12 @@ def write_sog(path: Path, table: np.ndarray) -> None:
     colors, color_codes = _coded(table[:, COLOR : COLOR + 3])
     opacities = np.round(255 / (1 + np.exp(-table[:, LOGIT:COLOR])))
     full = np.full((count, 1), 255)
-    pixels = {
-        "means_l": np.concatenate([places & 255, full], 1),
-        "means_u": np.concatenate([places >> 8, full], 1),
-        "quats": _smallest_three(table[:, ROTATION:LOGIT]),
-        "scales": np.concatenate([scales, full], 1),
-        "sh0": np.concatenate([colors, opacities], 1),
+    pictures = {
+        "means_l": _square(places & 255, full),
+        "means_u": _square(places >> 8, full),
+        "quats": _square(_smallest_three(table[:, ROTATION:LOGIT])),
+        "scales": _square(scales, full),
+        "sh0": _square(colors, opacities),
     }
     meta = {
         "version": 2,
@@ -83,17 +83,15 @@ def write_sog(path: Path, table: np.ndarray) -> None:
         "scales": {"codebook": scale_codes, "files": ["scales.webp"]},
         "sh0": {"codebook": color_codes, "files": ["sh0.webp"]},
     }
-    pictures = {name: _square(values) for name, values in pixels.items()}
     rest = table[:, COLOR + 3 :].reshape(count, -1, 3)
     if rest.shape[1]:
         coded, codes = _coded(rest)
         palette = np.zeros((-(-count // 64) * 64, rest.shape[1], 3))
         palette[:count] = coded
         numbers = np.arange(count)[:, None]
-        pictures["shN_centroids"] = _opaque(palette.reshape(-1, 64 * rest.shape[1], 3))
-        pictures["shN_labels"] = _square(np.concatenate([numbers & 255, numbers >> 8, numbers * 0, full], 1))
-        names = ["shN_centroids.webp", "shN_labels.webp"]
-        bands = {3: 1, 8: 2, 15: 3}[rest.shape[1]]
+        pictures["shN_centroids"] = np.insert(palette.reshape(-1, 64 * rest.shape[1], 3), 3, 255, 2)
+        pictures["shN_labels"] = _square(numbers & 255, numbers >> 8, numbers * 0, full)
+        names, bands = ["shN_centroids.webp", "shN_labels.webp"], {3: 1, 8: 2, 15: 3}[rest.shape[1]]
         meta["shN"] = {"count": count, "bands": bands, "codebook": codes, "files": names}
     with zipfile.ZipFile(path, "w") as file:
         file.writestr("meta.json", json.dumps(meta))
@@ -108,7 +106,7 @@ def _coded(values: np.ndarray) -> tuple[np.ndarray, list[float]]:
 
 
 def _smallest_three(rotations: np.ndarray) -> np.ndarray:
-    """Three parts as bytes, and which one is left out, being the largest."""
+    """Three components as bytes, and the index of the largest, which is left out."""
     rotations = rotations / np.linalg.norm(rotations, axis=1, keepdims=True)
     largest = np.abs(rotations).argmax(1)
     rotations = rotations * np.sign(np.take_along_axis(rotations, largest[:, None], 1))
@@ -116,35 +114,36 @@ def _smallest_three(rotations: np.ndarray) -> np.ndarray:
     return np.concatenate([np.round((rest * np.sqrt(2) + 1) / 2 * 255), 252 + largest[:, None]], 1)
 
 
-def _square(values: np.ndarray) -> np.ndarray:
+def _square(*columns: np.ndarray) -> np.ndarray:
+    values = np.concatenate(columns, 1)
     side = int(np.ceil(np.sqrt(len(values)) / 4) * 4)
     picture = np.zeros((side * side, 4))
     picture[: len(values)] = values
     return picture.reshape(side, side, 4)
 
 
-def _opaque(picture: np.ndarray) -> np.ndarray:
-    return np.concatenate([picture, np.full((*picture.shape[:2], 1), 255)], 2)
-
-
-def packaged(end: str) -> None:
-    """Skip where the package of this kind is not installed."""
+def require_package(end: str) -> None:
+    """Skip the test where the package for this format is not installed."""
     if end.startswith(".usd"):
         pytest.importorskip("pxr")
     elif end in (".compressed.ply", ".spz", ".sog"):
         pytest.importorskip("gsply")
 
 
-def refused(path: Path, words: str, read: Callable[[Path], object] = arrays_of) -> None:
-    """Assert that a sentence with such words refuses a file, and names it; without a child process by default."""
+def assert_rejected(path: Path, words: str, read: Callable[[Path], object] = arrays_of) -> None:
+    """Assert that reading (by default in this process) fails with these words, the file's path and a hint."""
     with pytest.raises(DataError) as caught:
         read(path)
     assert str(path) in caught.value.sentence and caught.value.hint
     assert re.search(words, caught.value.sentence), caught.value.sentence
 
 
-def written(folder: Path, end: str, table: np.ndarray | None = None) -> Path:
-    """A file of these Gaussians, by default of 20 of degree 1."""
-    packaged(end)
-    write_splats(folder / f"cloud{end}", SplatFile(unit_cloud(20, 1) if table is None else table))
-    return folder / f"cloud{end}"
+def write_sample(folder: Path, end: str, table: np.ndarray | None = None) -> Path:
+    """Write a file of these Gaussians, by default 20 of degree 1; skip the test where a package is missing."""
+    require_package(end)
+    path, table = folder / f"cloud{end}", unit_cloud(20, 1) if table is None else table
+    if end == ".sog":
+        write_sog(path, table)
+    else:
+        write_splats(path, SplatFile(table))
+    return path

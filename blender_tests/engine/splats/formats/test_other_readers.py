@@ -1,4 +1,4 @@
-"""What is written is read by programs that are not ours, and follows the rules of its format."""
+"""Written files follow their format and are read by other programs."""
 
 import gzip
 import json
@@ -20,16 +20,16 @@ TABLE = unit_cloud(50)
 
 
 @pytest.fixture
-def written(tmp_path):
-    def write(name, columns=None):
-        write_splats(tmp_path / name, SplatFile(TABLE, True, columns or {}))
+def write(tmp_path):
+    def write(name, **columns):
+        write_splats(tmp_path / name, SplatFile(TABLE, True, columns))
         return tmp_path / name
 
     return write
 
 
-def test_ply_by_plyfile(written):
-    found = plyfile.PlyData.read(written("cloud.ply", {"label": np.arange(50, dtype=np.int16)}))
+def test_plyfile_reads_ply(write):
+    found = plyfile.PlyData.read(write("cloud.ply", label=np.arange(50, dtype=np.int16)))
     vertices = found["vertex"]
     assert found.comments == ["SplatRenderMode: mip"] and vertices.count == 50
     names = [each.name for each in vertices.properties]
@@ -37,24 +37,15 @@ def test_ply_by_plyfile(written):
     assert names == [*"xyz", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", *rest, "opacity", "scale_0", "scale_1",
                      "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "label"]  # fmt: skip
     numbers = ["x", "y", "z", *names[-9:-1], *names[6:9], *rest]
-    columns = [
-        0,
-        1,
-        2,
-        10,
-        *range(3, 10),
-        11,
-        12,
-        13,
-        *(14 + channel + 3 * n for channel in range(3) for n in range(15)),
-    ]
+    columns = [0, 1, 2, 10, *range(3, 10), 11, 12, 13]
+    columns += [14 + channel + 3 * n for channel in range(3) for n in range(15)]
     for name, column in zip(numbers, columns, strict=True):
         assert np.array_equal(vertices[name], TABLE[:, column]), name
     assert np.array_equal(vertices["label"], np.arange(50))
 
 
-def test_compressed_ply_by_plyfile(written):
-    found = plyfile.PlyData.read(written("cloud.compressed.ply"))
+def test_plyfile_reads_compressed_ply(write):
+    found = plyfile.PlyData.read(write("cloud.compressed.ply"))
     order = packed.morton_order(TABLE)
     low, high = found["chunk"]["min_x"][0], found["chunk"]["max_x"][0]
     x = low + (high - low) * (found["vertex"]["packed_position"] >> 21) / 2047
@@ -62,9 +53,9 @@ def test_compressed_ply_by_plyfile(written):
     assert found["sh"].count == 50 and len(found["sh"].properties) == 45
 
 
-def test_spz_is_right_up_back(written):
-    """Bytes by the format's own page, not by a library: centers of 24 bits, with y and z turned."""
-    data = gzip.decompress(written("cloud.spz").read_bytes())
+def test_spz_stores_24_bit_centers_right_up_back(write):
+    """Decoded by the format's description, not by a library."""
+    data = gzip.decompress(write("cloud.spz").read_bytes())
     magic, version, count, degree, bits, flags, _ = struct.unpack_from("<4sIIBBBB", data)
     assert (magic, version, count, degree, flags) == (b"NGSP", 3, 50, 3, 1)
     parts = np.frombuffer(data, np.uint8, 9 * 50, 16).reshape(50, 3, 3).astype(np.int32)
@@ -83,8 +74,8 @@ def glb_chunks(path):
 
 
 @pytest.mark.parametrize("name", ["cloud.glb", "cloud.gltf"])
-def test_gltf_follows_the_rules(written, name):
-    path = written(name)
+def test_gltf_follows_the_specification(write, name):
+    path = write(name)
     numbers = next(path.parent.glob("cloud.*.bin"), None)
     text, binary = glb_chunks(path) if numbers is None else (path.read_bytes(), numbers.read_bytes())
     content = json.loads(text)
@@ -93,8 +84,7 @@ def test_gltf_follows_the_rules(written, name):
     assert content["nodes"] == [{"mesh": 0, "rotation": [1.0, 0.0, 0.0, 0.0]}]  # upright
     primitive = content["meshes"][0]["primitives"][0]
     extension = primitive["extensions"]["KHR_gaussian_splatting"]
-    kernel, colors = extension["kernel"], extension["colorSpace"]
-    assert (primitive["mode"], kernel, colors) == (0, "ellipse", "srgb_rec709_display")
+    assert (primitive["mode"], extension["kernel"], extension["colorSpace"]) == (0, "ellipse", "srgb_rec709_display")
     values = {}
     for semantic, number in primitive["attributes"].items():
         accessor = content["accessors"][number]
@@ -109,16 +99,18 @@ def test_gltf_follows_the_rules(written, name):
         values[semantic.removeprefix("KHR_gaussian_splatting:")] = found
     degrees = {f"SH_DEGREE_{d}_COEF_{n}" for d in range(4) for n in range(2 * d + 1)}
     assert set(values) == {"POSITION", "COLOR_0", "ROTATION", "SCALE", "OPACITY"} | degrees
-    np.testing.assert_allclose(values["ROTATION"], np.roll(TABLE[:, 6:10], -1, 1), atol=1e-6)  # x y z w, of length 1
+    np.testing.assert_allclose(
+        values["ROTATION"], np.roll(TABLE[:, 6:10], -1, 1), atol=1e-6
+    )  # unit quaternions, x y z w
     np.testing.assert_allclose(values["SCALE"], np.exp(TABLE[:, 3:6]), rtol=1e-6)
     assert values["OPACITY"].min() >= 0 and values["OPACITY"].max() <= 1
 
 
 @pytest.mark.parametrize("name", ["cloud.usda", "cloud.usdc", "cloud.usd"])
-def test_usd_passes_the_validators(written, name):
+def test_usd_passes_the_validators(write, name):
     from pxr import Usd, UsdGeom, UsdValidation, UsdVol
 
-    stage = Usd.Stage.Open(str(written(name)))
+    stage = Usd.Stage.Open(str(write(name)))
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     assert [error.GetMessage() for error in UsdValidation.ValidationContext(validators).Validate(stage)] == []
     field = UsdVol.ParticleField3DGaussianSplat(stage.GetDefaultPrim())

@@ -1,4 +1,4 @@
-"""Damaged and hostile files, and files of another kind, give one sentence that names the file, the fault and a remedy."""
+"""Damaged, hostile and foreign splat files are rejected with the file, the fault and a remedy."""
 
 import gzip
 import json
@@ -6,20 +6,23 @@ import struct
 import sys
 import tracemalloc
 import zipfile
+from functools import reduce
+from operator import getitem
 
 import numpy as np
 import pytest
 
 from blender_tests.engine.peak import peak_of
 from blender_tests.engine.splats.clouds import GROUPS
-from blender_tests.engine.splats.formats.files import packaged, refused, unit_cloud, write_sog, written
+from blender_tests.engine.splats.formats.files import assert_rejected, require_package, unit_cloud, write_sample
 from karf_engine.errors import MissingDependency
 from karf_engine.io import limited
+from karf_engine.splats.formats.ply import property_names
 from karf_engine.splats.formats.registry import arrays_of, read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 
-TABLE = unit_cloud(20, 1)  # as `written` takes it
-LIMITED = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere memory has no limit")
+TABLE = unit_cloud(20, 1)  # the default of write_sample
+LIMITED = pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux alone")
 
 
 def replaced(old, new):
@@ -58,15 +61,9 @@ def cut(count):
 
 
 def changed(folder, end, change):
-    if end == ".sog":
-        packaged(end)
-        write_sog(folder / "cloud.sog", TABLE)
-    path = folder / "cloud.sog" if end == ".sog" else written(folder, end)
+    path = write_sample(folder, end)
     change(path)
     return path
-
-
-# ------------------------------------------------------------------------------------------------------------------ rows
 
 
 ROWS = [
@@ -81,30 +78,25 @@ ROWS = [
 @pytest.mark.parametrize("end", [".ply", ".glb", ".usda"])
 @pytest.mark.parametrize(("group", "value", "words"), ROWS)
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_a_row_that_is_no_gaussian_is_named(end, group, value, words, tmp_path):
+def test_invalid_row_is_named(end, group, value, words, tmp_path):
     table = TABLE.copy()
     table[13, GROUPS[group]] = value
-    refused(written(tmp_path, end, table), f"row 13 of 20, counted from 0, has {words}")
+    assert_rejected(write_sample(tmp_path, end, table), f"row 13 of 20, counted from 0, has {words}")
 
 
 def test_flat_and_opaque_gaussians_are_read(tmp_path):
     table = TABLE.copy()
     table[0, 5], table[1, 10], table[2, 10] = -np.inf, np.inf, -np.inf
-    found = read_splats(written(tmp_path, ".ply", table)).table
+    found = read_splats(write_sample(tmp_path, ".ply", table)).table
     assert (found[0, 5], found[1, 10], found[2, 10]) == (-87, 16, -87)
 
 
-# --------------------------------------------------------------------------------------------------------- whole contents
-def binary_ply(rows, *names):
-    lines = [f"element vertex {rows}", *(f"property {name}" for name in names), "end_header", ""]
-    return "\n".join(["ply", "format binary_little_endian 1.0", *lines]).encode()
+def ply(rows, *properties, encoding="binary_little_endian"):
+    lines = [f"element vertex {rows}", *(f"property {each}" for each in properties), "end_header", ""]
+    return "\n".join(["ply", f"format {encoding} 1.0", *lines]).encode()
 
 
-def text_ply(numbers):
-    names = ["x", "y", "z", *(f"scale_{n}" for n in range(3)), *(f"rot_{n}" for n in range(4)), "opacity"]
-    names += [f"f_dc_{n}" for n in range(3)]
-    lines = ["element vertex 2", *(f"property float {name}" for name in names), "end_header", numbers]
-    return "\n".join(["ply", "format ascii 1.0", *lines]).encode()
+TEXT_PLY = ply(2, *(f"float {name}" for name in property_names(14)), encoding="ascii")
 
 
 def spz(*head):
@@ -115,16 +107,16 @@ XYZ = ("float x", "float y", "float z")
 CONTENTS = [
     ("ply", None, "does not exist"),
     ("ply", b"solid cube", "it has no line end_header"),
-    ("ply", binary_ply(-1, *XYZ), "an element has -1 rows"),
-    ("ply", binary_ply(10**9, *XYZ), "it is cut off: 1000000000 rows"),
-    ("ply", binary_ply(10**18, *XYZ), "it is cut off"),
-    ("ply", binary_ply(0, *XYZ), "its vertices have no scale_0"),
-    ("ply", binary_ply(1, *XYZ, "float nx", "float ny", "float nz") + bytes(24), "have no scale_0 .* f_dc_2"),
-    ("ply", binary_ply(1, "list uchar int x"), "no element vertex without lists"),
-    ("ply", binary_ply(1, "half x"), "cannot be understood .'half'."),
-    ("ply", binary_ply(1, "float f_rest_0"), "cut off"),
-    ("ply", text_ply("1 " * 13), "2 rows do not fit into its 13 numbers"),
-    ("ply", text_ply("x " * 28), "its rows are not numbers"),
+    ("ply", ply(-1, *XYZ), "an element has -1 rows"),
+    ("ply", ply(10**9, *XYZ), "it is cut off: 1000000000 rows"),
+    ("ply", ply(10**18, *XYZ), "it is cut off"),
+    ("ply", ply(0, *XYZ), "its vertices have no scale_0"),
+    ("ply", ply(1, *XYZ, "float nx", "float ny", "float nz") + bytes(24), "have no scale_0 .* f_dc_2"),
+    ("ply", ply(1, "list uchar int x"), "no element vertex without lists"),
+    ("ply", ply(1, "half x"), "cannot be understood .'half'."),
+    ("ply", ply(1, "float f_rest_0"), "cut off"),
+    ("ply", TEXT_PLY + b"1 " * 13, "2 rows do not fit into its 13 numbers"),
+    ("ply", TEXT_PLY + b"x " * 28, "its rows are not numbers"),
     ("spz", spz(b"NGSP", 3, 10**9, 0, 12, 0, 0), "payload too small"),
     ("spz", spz(b"NGSP", 1, 1, 0, 12, 0, 0), "version 1"),
     ("spz", spz(b"NGSP", 3, 1, 9, 12, 0, 0), "degree 9"),
@@ -138,33 +130,32 @@ CONTENTS = [
 
 
 @pytest.mark.parametrize(("end", "data", "words"), CONTENTS)
-def test_contents_that_hold_no_gaussians_are_refused(end, data, words, tmp_path):
-    packaged(f".{end}")
+def test_contents_without_gaussians_are_rejected(end, data, words, tmp_path):
+    require_package(f".{end}")
     path = tmp_path / f"cloud.{end}"
     if data is not None:
         path.write_bytes(data)
-    refused(path, words)
+    assert_rejected(path, words)
 
 
-# --------------------------------------------------------------------------------------------------- changes of a good file
 def primitives(content):
     return content["meshes"][0]["primitives"]
 
 
-def gltf(**values):
-    """Change values of the places of the points, or of the extension."""
+def inside(*place):
+    """Return a change of values of the object at this place."""
+    return lambda **values: in_json(lambda content: reduce(getitem, place, content).update(values))
 
+
+def positions(**values):
     def change(content):
-        attributes, extensions = primitives(content)[0]["attributes"], primitives(content)[0]["extensions"]
-        is_extension = {"colorSpace", "kernel"} & set(values)
-        place = extensions["KHR_gaussian_splatting"] if is_extension else content["accessors"][attributes["POSITION"]]
-        place.update(values)
+        content["accessors"][primitives(content)[0]["attributes"]["POSITION"]].update(values)
 
     return in_json(change)
 
 
-def buffer(uri):
-    return in_json(lambda content: content["buffers"][0].update(uri=uri))
+buffer, view, node = inside("buffers", 0), inside("bufferViews", 0), inside("nodes", 0)
+extension = inside("meshes", 0, "primitives", 0, "extensions", "KHR_gaussian_splatting")
 
 
 CLIPS = b'clips = { dictionary default = { asset[] assetPaths = [@./other.usda@]\nstring primPath = "/Gaussians" } }'
@@ -190,20 +181,20 @@ SOG = [
     (cut(30), "not a zip file"),
 ]
 GLTF = [
-    (buffer("../cloud.bin"), r"wants '\.\./cloud\.bin'"),
-    (buffer("..%2Fcloud.bin"), "which is no file beside it"),
-    (buffer("/etc/passwd"), "wants '/etc/passwd'"),
-    (buffer("https://example.com/a.bin"), "wants 'https:"),
+    (buffer(uri="../cloud.bin"), r"wants '\.\./cloud\.bin'"),
+    (buffer(uri="..%2Fcloud.bin"), "which is no file beside it"),
+    (buffer(uri="/etc/passwd"), "wants '/etc/passwd'"),
+    (buffer(uri="https://example.com/a.bin"), "wants 'https:"),
     (in_json(lambda content: content["buffers"][0].pop("uri")), "a buffer without bytes"),
-    (in_json(lambda content: content["bufferViews"][0].update(byteOffset=10**9)), "outside its buffer"),
-    (gltf(count=10**9), "outside its buffer"),
-    (gltf(count=-1), "'-1' is no whole number"),
-    (gltf(type="VEC2"), "other widths"),
-    (gltf(sparse={}), "without a whole buffer view"),
+    (view(byteOffset=10**9), "outside its buffer"),
+    (positions(count=10**9), "outside its buffer"),
+    (positions(count=-1), "'-1' is no whole number"),
+    (positions(type="VEC2"), "other widths"),
+    (positions(sparse={}), "without a whole buffer view"),
     (in_json(lambda content: content.pop("nodes")), "it lacks 'nodes'"),
-    (in_json(lambda content: content["nodes"][0].update(scale=[1, 2, 3])), "shears or scales unequally"),
-    (gltf(colorSpace="lin_rec709_display"), "other colors than srgb"),
-    (gltf(kernel="box"), "another kernel than ellipse"),
+    (node(scale=[1, 2, 3]), "shears or scales unequally"),
+    (extension(colorSpace="lin_rec709_display"), "other colors than srgb"),
+    (extension(kernel="box"), "another kernel than ellipse"),
     (in_json(lambda content: primitives(content)[0].pop("extensions")), "no points with KHR_gaussian"),
 ]
 USDA = [
@@ -222,14 +213,12 @@ USDA = [
 CHANGES = {".compressed.ply": COMPRESSED, ".sog": SOG, ".gltf": GLTF, ".usda": USDA}
 
 
-@pytest.mark.parametrize(
-    ("end", "change", "words"), [(end, change, words) for end, rows in CHANGES.items() for change, words in rows]
-)
-def test_a_changed_file_is_refused(end, change, words, tmp_path):
-    refused(changed(tmp_path, end, change), words)
+@pytest.mark.parametrize(("end", "change", "words"), [(end, *row) for end, rows in CHANGES.items() for row in rows])
+def test_malformed_change_of_a_valid_file_is_rejected(end, change, words, tmp_path):
+    assert_rejected(changed(tmp_path, end, change), words)
 
 
-def test_spz_4_with_false_lengths_is_refused(tmp_path):
+def test_spz_4_with_wrong_lengths_is_rejected(tmp_path):
     gsply, _ = pytest.importorskip("gsply"), pytest.importorskip("zstandard")
     from karf_engine.splats.formats.packed import to_package
 
@@ -238,57 +227,53 @@ def test_spz_4_with_false_lengths_is_refused(tmp_path):
     data = path.read_bytes()
     np.testing.assert_allclose(read_splats(path).table[:, 0], TABLE[:, 0], atol=1e-3)
     path.write_bytes(data[:40] + struct.pack("<Q", 1 << 40) + data[48:])
-    refused(path, "size 1099511627776 != expected")
+    assert_rejected(path, "size 1099511627776 != expected")
     path.write_bytes(data[:-5])
-    refused(path, "overruns file")
+    assert_rejected(path, "overruns file")
 
 
-# ----------------------------------------------------------------------------------------------- unusual files that are read
-def beside(path):
+def rename_with_escapes(path):
     next(path.parent.glob("*.bin")).rename(path.parent / "my garden #1%41.bin")
-    in_json(lambda content: content["buffers"][0].update(uri="my%20garden%20%231%2541.bin"))(path)
+    buffer(uri="my%20garden%20%231%2541.bin")(path)
 
 
 @pytest.mark.parametrize(
     ("end", "change", "count"),
     [
         (".compressed.ply", replaced(b"element chunk", b"comment " + b"x" * 50_000 + b"\nelement chunk"), 20),
-        (".gltf", beside, 20),
+        (".gltf", rename_with_escapes, 20),
         (".gltf", in_json(lambda content: primitives(content).extend(3_000 * primitives(content))), 60_020),
         (".usda", replaced(b"\ndef ", b'\ndef "More" (references = </Gaussians>) {}\ndef '), 40),
     ],
-    ids=["a long header", "an escaped name", "many primitives", "a reference within the file"],
+    ids=["long header", "escaped name", "many primitives", "reference within the file"],
 )
-def test_an_unusual_file_is_read(end, change, count, tmp_path):
+def test_unusual_but_valid_file_is_read(end, change, count, tmp_path):
     assert len(read_splats(changed(tmp_path, end, change))) == count
 
 
-def test_transforms_of_gltf_nodes_are_applied(tmp_path):
+def test_gltf_node_transforms_are_applied(tmp_path):
     nodes = [{"children": [1], "translation": [1, 2, 3], "scale": [2, 2, 2]}, {"mesh": 0}]
     found = read_splats(changed(tmp_path, ".gltf", in_json(lambda content: content.update(nodes=nodes)))).table
     np.testing.assert_allclose(found[:, :3], (2 * TABLE[:, :3] + (1, 2, 3)) * (1, -1, -1), atol=1e-6)
     np.testing.assert_allclose(found[:, 3:6], TABLE[:, 3:6] + np.log(2), atol=1e-6)
 
 
-def test_z_up_of_usd_is_turned(tmp_path):
+def test_usd_with_z_up_is_rotated(tmp_path):
     path = changed(tmp_path, ".usda", replaced(b'upAxis = "Y"', b'upAxis = "Z"'))
     replaced(b"rotateX = 180", b"rotateX = 0")(path)
     found = read_splats(path).table  # x right, y forward, z up, where PLY has x right, y down, z forward
     np.testing.assert_allclose(found[:, :3], TABLE[:, [0, 2, 1]] * (1, -1, 1), atol=1e-6)
 
 
-# ------------------------------------------------------------------------------------------------------- time and memory
-
-
 @LIMITED
-def test_a_bomb_takes_no_more_memory_than_its_limit(tmp_path, monkeypatch):
-    packaged(".sog")
+def test_zip_bomb_stays_within_the_memory_limit(tmp_path, monkeypatch):
+    require_package(".sog")
     monkeypatch.setattr(limited, "LEAST_BYTES", 1 << 30)
     path = tmp_path / "cloud.sog"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("meta.json", "w") as file:
         for _ in range(16):
             file.write(bytes(1 << 26))
-    refused(path, "bytes of memory|too much memory", read_splats)
+    assert_rejected(path, "bytes of memory|too much memory", read_splats)
 
 
 @pytest.mark.parametrize(
@@ -300,38 +285,36 @@ def test_a_bomb_takes_no_more_memory_than_its_limit(tmp_path, monkeypatch):
     ],
     ids=["children", "roots", "doubled"],
 )
-def test_too_many_nodes_are_refused_before_they_take_memory(content, tmp_path):
+def test_too_many_gltf_nodes_are_rejected_before_allocation(content, tmp_path):
     path = changed(tmp_path, ".gltf", in_json(lambda whole: whole.update(content)))
     tracemalloc.start()
-    refused(path, "places more than 10,000 nodes")
+    assert_rejected(path, "places more than 10,000 nodes")
     assert tracemalloc.get_traced_memory()[1] < 100e6
     tracemalloc.stop()
 
 
 @pytest.mark.parametrize("arc", ["references", "instanceable = true\nreferences"])
-def test_exponential_usd_references_are_refused(arc, tmp_path, monkeypatch):
+def test_exponential_usd_references_are_rejected(arc, tmp_path, monkeypatch):
     monkeypatch.setattr(limited, "LEAST_BYTES", 1 << 30)
-    path = written(tmp_path, ".usda")
-    doubling = (
-        f'def Xform "A{n}" {{\ndef "l" ({arc} = </A{n - 1}>) {{}}\ndef "r" ({arc} = </A{n - 1}>) {{}}\n}}\n'
-        for n in range(1, 40)
-    )
-    path.write_text(path.read_text() + 'def Xform "A0" {}\n' + "".join(doubling))
-    refused(path, "crashed or needed too much|more than 10,000 prims", read_splats)
+    path = write_sample(tmp_path, ".usda")
+    prim = 'def Xform "A{1}" {{\ndef "l" ({2} = </A{0}>) {{}}\ndef "r" ({2} = </A{0}>) {{}}\n}}\n'
+    doubling = "".join(prim.format(n, n + 1, arc) for n in range(39))
+    path.write_text(path.read_text() + 'def Xform "A0" {}\n' + doubling)
+    assert_rejected(path, "crashed or needed too much|more than 10,000 prims", read_splats)
 
 
-def test_a_packed_array_of_usd_that_claims_a_billion_numbers_is_refused(tmp_path):
+def test_usd_array_claiming_a_billion_numbers_is_rejected(tmp_path):
     table = unit_cloud(700, 0)
-    table[:, GROUPS["opacity"]] = 16  # equal opacities are packed
-    path = written(tmp_path, ".usdc", table)
+    table[:, GROUPS["opacity"]] = 16  # usd-core packs equal values
+    path = write_sample(tmp_path, ".usdc", table)
     path.write_bytes(path.read_bytes().replace(struct.pack("<Q", 700), struct.pack("<Q", 10**9), 1))
-    refused(path, "usd-core cannot read it", read_splats)
+    assert_rejected(path, "usd-core cannot read it", read_splats)
 
 
 @LIMITED
 @pytest.mark.parametrize(("opening", "closing", "count"), [("[", "]", 400_000), ("(", ")", 10**6)])
-def test_nested_text_takes_no_more_memory_than_its_limit(opening, closing, count, tmp_path):
-    packaged(".usda")
+def test_deeply_nested_usda_stays_within_the_memory_limit(opening, closing, count, tmp_path):
+    require_package(".usda")
     path = tmp_path / "cloud.usda"
     path.write_text('#usda 1.0\ndef "a" { float3[] p = [' + count * opening + count * closing + "]}")
     code = "from karf_engine.splats.formats.registry import read_splats; read_splats(Path(sys.argv[1]))"
@@ -340,8 +323,8 @@ def test_nested_text_takes_no_more_memory_than_its_limit(opening, closing, count
 
 
 @pytest.mark.parametrize(("end", "package"), [(".spz", "gsply"), (".compressed.ply", "gsply"), (".usdc", "pxr")])
-def test_a_missing_package_names_the_extra(end, package, tmp_path, monkeypatch):
-    path = written(tmp_path, end)
+def test_missing_package_error_names_the_extra(end, package, tmp_path, monkeypatch):
+    path = write_sample(tmp_path, end)
     monkeypatch.setitem(sys.modules, package, None)
     for work in (lambda: arrays_of(path), lambda: write_splats(path, SplatFile(TABLE))):
         with pytest.raises(MissingDependency, match=rf"has no package '{package}'.*karf\[splats\]"):

@@ -1,4 +1,4 @@
-"""What is written is read again as exactly as each kind allows; a PLY is rewritten without a foreign byte changed."""
+"""Written splats are read back as precisely as each format allows; rewriting a PLY keeps all foreign bytes."""
 
 import tracemalloc
 
@@ -33,18 +33,16 @@ def check(found, wanted, end):
 
 @pytest.mark.parametrize("degree", range(4))
 @pytest.mark.parametrize("end", files.ENDS)
-def test_every_kind_is_read_as_it_was_written(end, degree, tmp_path):
-    files.packaged(end)
+def test_written_gaussians_are_read_back(end, degree, tmp_path):
     table = files.unit_cloud(degree=degree)
-    table[:, 14:] = np.clip(table[:, 14:], -0.99, 0.99)  # as far as SPZ goes
-    write_splats(tmp_path / f"cloud{end}", SplatFile(table))
-    order = packed.morton_order(table) if end == ".compressed.ply" else slice(None)
-    check(read_splats(tmp_path / f"cloud{end}").table, table[order], end)
+    table[:, 14:] = np.clip(table[:, 14:], -0.99, 0.99)  # the range of SPZ
+    found = read_splats(files.write_sample(tmp_path, end, table)).table
+    check(found, table[packed.morton_order(table)] if end == ".compressed.ply" else table, end)
 
 
 @pytest.mark.parametrize(("end", "degree"), [*((".sog", degree) for degree in range(4)), (".splat", 0), (".usdz", 1)])
-def test_kinds_that_are_only_read_are_read_and_not_written(end, degree, tmp_path):
-    files.packaged(end)
+def test_read_only_formats_are_read_but_not_written(end, degree, tmp_path):
+    files.require_package(end)
     table, path = files.unit_cloud(degree=degree), tmp_path / f"cloud{end}"
     if end == ".sog":
         files.write_sog(path, table)
@@ -69,8 +67,8 @@ def test_kinds_that_are_only_read_are_read_and_not_written(end, degree, tmp_path
 
 @pytest.mark.parametrize("end", [".ply", ".spz"])
 @pytest.mark.parametrize("is_antialiased", [True, False])
-def test_the_screen_filter_is_kept(end, is_antialiased, tmp_path):
-    files.packaged(end)
+def test_screen_filter_is_kept(end, is_antialiased, tmp_path):
+    files.require_package(end)
     write_splats(tmp_path / f"cloud{end}", SplatFile(files.unit_cloud(4), is_antialiased))
     assert read_splats(tmp_path / f"cloud{end}").is_antialiased is is_antialiased
 
@@ -79,18 +77,15 @@ def test_extreme_opacities_are_kept(tmp_path):
     table = files.unit_cloud(3, 0)
     table[:, 10] = [-87, 16, 0]
     for end in (".glb", ".ply", ".usdc"):
-        files.packaged(end)
-        write_splats(tmp_path / f"cloud{end}", SplatFile(table))
-        np.testing.assert_allclose(read_splats(tmp_path / f"cloud{end}").table[:, 10], table[:, 10], atol=1)
+        found = read_splats(files.write_sample(tmp_path, end, table)).table
+        np.testing.assert_allclose(found[:, 10], table[:, 10], atol=1)
 
 
-def test_far_centers_of_spz_are_kept_as_far_as_it_holds_them(tmp_path):
-    files.packaged(".spz")
+def test_spz_keeps_distant_centers_up_to_its_limit(tmp_path):
     table = files.unit_cloud(3, 0)
     for far in (1e5, 2**22 - 1):
         table[0, 0] = far
-        write_splats(tmp_path / "cloud.spz", SplatFile(table))
-        found = read_splats(tmp_path / "cloud.spz").table
+        found = read_splats(files.write_sample(tmp_path, ".spz", table)).table
         np.testing.assert_allclose(found[:, :3], table[:, :3], atol=far * 1.2e-7)
     table[0, 0] = 2**22
     with pytest.raises(BadRequest, match=r"cannot hold a center that is 4\.19e\+06 away") as caught:
@@ -112,25 +107,24 @@ def test_writing_gltf_overwrites_no_other_file(tmp_path):
     assert (tmp_path / "cloud.bin").read_bytes() == b"precious"
 
 
-def test_interrupted_writing_keeps_the_old_gltf(tmp_path, monkeypatch):
+def test_interrupted_write_keeps_the_old_gltf(tmp_path, monkeypatch):
     path, first = tmp_path / "cloud.gltf", SplatFile(files.unit_cloud(3, 0, 1))
     write_splats(path, first)
-    written = gltf.atomic_write
+    atomic_write = gltf.atomic_write
 
-    def ends_before(target, write):
+    def interrupted(target, write):
         if target.suffix == ".gltf":
             raise KeyboardInterrupt
-        written(target, write)
+        atomic_write(target, write)
 
-    monkeypatch.setattr(gltf, "atomic_write", ends_before)
+    monkeypatch.setattr(gltf, "atomic_write", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_splats(path, SplatFile(files.unit_cloud(3, 0, 2)))
     assert np.array_equal(read_splats(path).table[:, :3], first.table[:, :3])
 
 
-# ----------------------------------------------------------------------------------------------- PLY files of other programs
 def foreign(path, order="<", line_end="\n", kind="f4"):
-    """A file of another program: properties in another order, further ones between, comments, an element behind."""
+    """Write a PLY with shuffled and additional properties, comments, and a second element."""
     table = files.unit_cloud(20, 1)
     names = ply.property_names(table.shape[1])
     shuffled = [*names[5:], "segment", *names[:5]]
@@ -150,7 +144,7 @@ def foreign(path, order="<", line_end="\n", kind="f4"):
 @pytest.mark.parametrize("order", "<>")
 @pytest.mark.parametrize("line_end", ["\n", "\r\n"])
 @pytest.mark.parametrize("kind", ["f4", "f8"])
-def test_other_programs_files_are_read_and_rewritten(order, line_end, kind, tmp_path):
+def test_foreign_ply_is_read_and_rewritten_without_losing_a_byte(order, line_end, kind, tmp_path):
     path, out = tmp_path / "cloud.ply", tmp_path / "out.ply"
     table = foreign(path, order, line_end, kind)
     found = ply.read(path)
@@ -170,39 +164,35 @@ def test_other_programs_files_are_read_and_rewritten(order, line_end, kind, tmp_
     assert len(after) == len(before) + 20 + len(f"property uchar label{line_end}")
 
 
-def test_text_is_read_but_not_rewritten(tmp_path):
-    path = tmp_path / "cloud.ply"
-    table = files.unit_cloud(2, 0)
+def test_text_ply_is_read_but_not_rewritten(tmp_path):
+    path, table = tmp_path / "cloud.ply", files.unit_cloud(2, 0)
     files.write_text(path, table)
     assert np.array_equal(ply.read(path).table, table)
     with pytest.raises(DataError, match=r"cloud\.ply is a PLY file of text"):
         ply.rewrite(ply.open_original(path), path, table)
 
 
-def test_a_text_file_takes_the_memory_of_its_numbers(tmp_path):
+def test_text_ply_takes_little_more_memory_than_its_numbers(tmp_path):
     path, count = tmp_path / "cloud.ply", 40_000
     names = "".join(f"property float {name}\n" for name in ply.property_names(14))
-    row = " ".join(["1.5"] * 14)
-    path.write_text(
-        f"ply\nformat ascii 1.0\nelement camera 1\nproperty float id\nelement vertex {count}\n{names}end_header\n7\n"
-        + f"{row}\n" * count
-    )
+    head = f"ply\nformat ascii 1.0\nelement camera 1\nproperty float id\nelement vertex {count}\n{names}end_header\n7\n"
+    path.write_text(head + f"{' '.join(['1.5'] * 14)}\n" * count)
     tracemalloc.start()
     table = ply.read(path).table
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert table.shape == (count, 14) and (table == 1.5).all()
-    assert peak < path.stat().st_size + 30 * table.size, "as words they would take forty bytes a number more"
+    assert peak < path.stat().st_size + 30 * table.size, "as strings the numbers would take forty bytes more each"
 
 
-def test_columns_are_kept_in_their_types(tmp_path):
+def test_extra_columns_keep_their_types(tmp_path):
     ply.write(tmp_path / "cloud.ply", SplatFile(files.unit_cloud(20, 2), False, COLUMNS))
-    found = ply.read(tmp_path / "cloud.ply")
-    assert {name: column.dtype for name, column in found.columns.items()} == {"label": np.uint8, "weight": np.float64}
-    assert all(np.array_equal(found.columns[name], COLUMNS[name]) for name in COLUMNS)
+    found = ply.read(tmp_path / "cloud.ply").columns
+    assert {name: column.dtype for name, column in found.items()} == {"label": np.uint8, "weight": np.float64}
+    assert all(np.array_equal(found[name], COLUMNS[name]) for name in COLUMNS)
 
 
-def test_what_a_ply_cannot_hold_is_refused(tmp_path):
+def test_data_that_a_ply_cannot_hold_is_rejected(tmp_path):
     foreign(tmp_path / "cloud.ply")
     with pytest.raises(ValueError, match=r"\(20, 14\) for a file of \(20, 23\)"):
         ply.rewrite(ply.open_original(tmp_path / "cloud.ply"), tmp_path / "out.ply", files.unit_cloud(20, 0))

@@ -1,4 +1,4 @@
-"""Queries about the learned still life, as Blender asks them."""
+"""Fixtures that ask queries about the learned still life."""
 
 import numpy as np
 import pytest
@@ -26,19 +26,17 @@ def session(tmp_path):
 
 @pytest.fixture
 def ask(session, learned, edit):
-    """Ask of the learned project with the edit, or of what the options say."""
+    """Ask a query about the learned project with the edit, unless the options say otherwise."""
 
-    def ask(kind, **options):
-        return QUERIES[kind](session, {"project": str(learned.project), "edit": edit_to_json(edit)} | options)
-
-    return ask
+    defaults = {"project": str(learned.project), "edit": edit_to_json(edit)}
+    return lambda kind, **options: QUERIES[kind](session, defaults | options)
 
 
-def arrays_of(answer):
-    """The arrays of an answer by name."""
-    found = {}
+def with_arrays(answer):
+    """An answer and its arrays by name."""
+    arrays = {}
     for name, placed in answer["arrays"].items():
         count = int(np.prod(placed["shape"]))
         array = np.fromfile(answer["pixels"], placed["dtype"], count, offset=placed["offset"])
-        found[name] = array.reshape(placed["shape"])
-    return found
+        arrays[name] = array.reshape(placed["shape"])
+    return answer, arrays

@@ -1,4 +1,4 @@
-"""Masks of captured views, and strokes that correct them in all views at once."""
+"""Queries for masks of captured views, and for strokes that correct them in all views."""
 
 import shutil
 from dataclasses import replace
@@ -18,7 +18,7 @@ from karf_engine.segmentation.labels import CorrectionSession
 from karf_engine.worker.queries.photos import _distorted
 
 
-def test_masks_are_how_far_the_segmented_objects_cover_the_view(ask, model):
+def test_masks_are_the_objects_probabilities(ask, model):
     view = model.capture.views[-1]
     answer = ask("masks", view=view.name)
     expected = dict(zip(model.objects, model.render_field(model.working_camera(view)).probabilities, strict=True))
@@ -29,12 +29,11 @@ def test_masks_are_how_far_the_segmented_objects_cover_the_view(ask, model):
 
 
 @pytest.mark.parametrize("view", ["nowhere", 3])
-def test_a_view_that_is_not_there_is_refused(ask, view):
+def test_unknown_view_is_rejected(ask, view):
     with pytest.raises(KarfError, match="view"):
         ask("masks", view=view)
 
 
-# ---------------------------------------------------------------------------------------------------------- corrections
 @pytest.fixture
 def project(learned, tmp_path):
     return Project(shutil.copytree(learned.project, tmp_path / "project"))
@@ -42,7 +41,7 @@ def project(learned, tmp_path):
 
 @pytest.fixture
 def corrected(ask, project):
-    """The corrected masks of a view of the project's copy."""
+    """Ask for the corrected masks of a view of the project's copy."""
 
     def corrected(view):
         answer = ask("correct", project=str(project.folder), view=view.name)
@@ -51,18 +50,13 @@ def corrected(ask, project):
     return corrected
 
 
-def disk_amid(mask):
-    rows, columns = np.indices(mask.shape)
-    row, column = np.argwhere(mask).mean(0)
-    return (rows - row) ** 2 + (columns - column) ** 2 <= 2.5**2
-
-
-def test_a_stroke_in_any_view_is_obeyed_at_once_and_by_the_stage(corrected, project, model):
+def test_stroke_corrects_the_mask_at_once_and_when_segmented(corrected, project, model):
     view = model.capture.split("test")[0]
     before, learned = corrected(view), dict(zip(model.objects, model.render_view(view).masks, strict=True))
     for name, mask in before.items():
         assert (mask & learned[name]).sum() / (mask | learned[name]).sum() > 0.8
-    disk = disk_amid(before["block"])
+    pixels = np.moveaxis(np.indices(before["block"].shape), 0, -1)
+    disk = np.linalg.norm(pixels - np.argwhere(before["block"]).mean(0), axis=-1) <= 2.5
     picture = np.zeros((*disk.shape, 2), np.uint8)
     picture[disk] = 0, 255
     path = project.corrections_folder / "block" / f"{view.name}.png"
@@ -75,14 +69,14 @@ def test_a_stroke_in_any_view_is_obeyed_at_once_and_by_the_stage(corrected, proj
     assert path.is_file()
 
 
-def test_the_scene_is_looked_at_once(corrected, model, monkeypatch):
+def test_correction_session_is_reused_between_views(corrected, model, monkeypatch):
     first, second = model.capture.split("test")[:2]
     corrected(first)
     monkeypatch.setattr(CorrectionSession, "__init__", None)
     assert set(corrected(second)) == {"ball", "block"}
 
 
-def test_an_object_ends_where_its_volume_does(corrected, project, model):
+def test_inside_volume_limits_its_object(corrected, project, model):
     view = model.capture.split("test")[0]
     camera = model.working_camera(view)
     origins, directions = camera.rays(camera.pixel_centers())
@@ -94,12 +88,12 @@ def test_an_object_ends_where_its_volume_does(corrected, project, model):
     write_volumes(project.volumes_file, {"block": [Volume("inside", half)]})
     after = corrected(view)
     inside, outside = before["block"] & (x < 0.4), before["block"] & (x > 0.5)
-    # pixels at its silhouette hit what lies behind, too
+    # some pixels at the silhouette see the background
     assert after["block"][inside].mean() > 0.6 and after["block"][outside].mean() < 0.1
     assert (after["ball"] != before["ball"]).sum() <= 5
 
 
-def test_masks_are_as_large_as_the_photo_and_bent_by_its_lens():
+def test_masks_have_the_size_and_distortion_of_the_photo():
     plain = Camera(40, 20, 30.0, 30.0, 20.0, 10.0, np.eye(4))
     mask = np.zeros((10, 20), bool)
     mask[2:8, 2:6] = True
@@ -109,7 +103,7 @@ def test_masks_are_as_large_as_the_photo_and_bent_by_its_lens():
     assert np.argwhere(barrel).mean(0)[1] > np.argwhere(large).mean(0)[1]  # nearer to the middle
 
 
-def test_a_project_without_geometry_is_refused(ask, tmp_path):
+def test_correction_without_geometry_is_rejected(ask, tmp_path):
     Project(tmp_path / "empty").create("capture")
     with pytest.raises(BadRequest, match="no finished geometry"):
         ask("correct", project=str(tmp_path / "empty"), view="a")

@@ -1,4 +1,4 @@
-"""Pictures, planes and colors of splats of any camera, asked of the engine as Blender asks it."""
+"""Queries of Blender for pictures, edit planes and colors of splats."""
 
 import shutil
 from dataclasses import replace
@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 pytest.importorskip("numba")
 
 from blender_tests.engine.conftest import finish_again, of_field
-from blender_tests.engine.worker.queries.conftest import arrays_of
+from blender_tests.engine.worker.queries.conftest import with_arrays
 from karf_engine.capture.transforms import camera_to_json
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.export.cryptomatte import channels, header
@@ -22,7 +22,7 @@ from karf_engine.recolor.model import Model
 from karf_engine.splats.kernels.arrays import COLOR
 from karf_engine.splats.similarity import transform_gaussians
 
-MOVED = np.array([[0, -2.0, 0, 5], [0, 0, -2, 1], [2, 0, 0, 0], [0, 0, 0, 1]])  # turned, twice as large, shifted
+MOVED = np.array([[0, -2.0, 0, 5], [0, 0, -2, 1], [2, 0, 0, 0], [0, 0, 0, 1]])  # rotated, scaled by two, shifted
 
 
 @pytest.fixture(scope="module")
@@ -34,34 +34,37 @@ def camera(model):
 def show(ask, camera):
     """Ask for a picture of the camera; the answer and its arrays."""
 
-    def show(**options):
-        answer = ask("show", **{"camera": camera_to_json(camera)} | options)
-        return answer, arrays_of(answer)
-
-    return show
+    view = {"camera": camera_to_json(camera)}
+    return lambda **options: with_arrays(ask("show", **view | options))
 
 
 @pytest.fixture
 def preview(ask, camera):
     """Ask for planes of the camera; the answer and the planes."""
 
+    defaults = {"camera": camera_to_json(camera.scaled(450, 300)), "long_side": 300}
+
     def preview(**options):
-        wanted = {"camera": camera_to_json(camera.scaled(450, 300)), "long_side": 300}
-        answer = ask("preview", **wanted | options)
+        answer = ask("preview", **defaults | options)
         return answer, read_planes(Path(answer["planes"]))
 
     return preview
 
 
+@pytest.fixture
+def harmonics(ask):
+    """Ask for colors of splats; the answer and its arrays."""
+    return lambda **options: with_arrays(ask("harmonics", **options))
+
+
 def unfinished(learned, folder, *kept):
-    """A copy of the project in which stages after these are not finished."""
+    """A copy of the project with only these stages finished."""
     project = shutil.copytree(learned.project, folder / "of fewer stages")
     finish_again(project, *kept)
     return str(project)
 
 
-# ------------------------------------------------------------------------------------------------------------- pictures
-def test_the_color_is_what_the_model_shows_with_the_edit_or_as_learned(show, model, camera, edit):
+def test_shown_color_matches_the_model_with_and_without_edit(show, model, camera, edit):
     answer, found = show()
     assert list(found) == ["color"] and answer["size"] == [90, 60] and answer["seconds"] > 0
     as_learned = model.render_recolored(camera, model.edit())
@@ -70,33 +73,31 @@ def test_the_color_is_what_the_model_shows_with_the_edit_or_as_learned(show, mod
     assert_array_equal(show(edit=None)[1]["color"], as_learned)
 
 
-def test_before_palettes_are_learned_it_is_the_scene_as_learned(show, learned, camera, tmp_path):
+def test_scene_without_palettes_is_shown_as_learned(show, learned, camera, tmp_path):
     project = unfinished(learned, tmp_path, "geometry")
     assert_array_equal(show(project=project)[1]["color"], Model.load(project).render(camera).base)
 
 
 @pytest.mark.parametrize("source", ["splats", "field"])
-def test_edges_are_those_of_the_whole_frame_whatever_it_is_made_of(
-    show, session, model, camera, edit, source, monkeypatch
-):
-    known = of_field(model) if source == "field" else model
-    monkeypatch.setattr(session, "model", lambda project: known)
+def test_edge_shapes_match_the_whole_frame(show, session, model, camera, edit, source, monkeypatch):
+    shown = of_field(model) if source == "field" else model
+    monkeypatch.setattr(session, "model", lambda project: shown)
     if source == "field":
         monkeypatch.setattr("karf_engine.worker.queries.renders.BAND_RAYS", 1000)
     shaped = edit.edge("ball", choke=-3, feather=8)
-    frame = known.render(camera)
-    whole = known.composite(frame, shaped)
-    assert np.abs(whole - known.composite(frame, edit)).max() > 0.02
+    frame = shown.render(camera)
+    whole = shown.composite(frame, shaped)
+    assert np.abs(whole - shown.composite(frame, edit)).max() > 0.02
     for passes in (["color"], ["color", "weights"]):
         found = show(edit=edit_to_json(shaped), passes=passes)[1]
-        tolerance = 0.03 if source == "splats" and passes == ["color"] else 1e-5  # baked, as without edges
+        tolerance = 0.03 if source == "splats" and passes == ["color"] else 1e-5  # colors are baked into the splats
         assert_allclose(found["color"], whole, atol=tolerance)
-    assert_allclose(found["weights"], known.with_edges(frame, shaped.edges).palette_weights, atol=1e-5)
+    assert_allclose(found["weights"], shown.with_edges(frame, shaped.edges).palette_weights, atol=1e-5)
     if source == "field":
-        assert_array_equal(known.render_recolored(camera, shaped), whole)
+        assert_array_equal(shown.render_recolored(camera, shaped), whole)
 
 
-def test_what_no_photo_shows_fades_unless_it_is_asked_for(show, camera):
+def test_unseen_regions_fade_by_default(show, camera):
     behind = replace(camera, camera_to_world=np.diag([1.0, -1, -1, 1]) @ camera.camera_to_world)
     asked = {"camera": camera_to_json(behind), "edit": None, "passes": ["color", "seen"]}
     faded, shown = (show(**asked, unseen=each)[1] for each in ("faded", "shown"))
@@ -106,7 +107,7 @@ def test_what_no_photo_shows_fades_unless_it_is_asked_for(show, camera):
     assert np.abs(faded["color"][unknown] - 0.5).max() < 0.06 and np.abs(shown["color"][unknown] - 0.5).max() > 0.3
 
 
-def test_passes_are_those_of_the_frame(show, model, camera, edit):
+def test_passes_match_the_frame(show, model, camera, edit):
     passes = ["color", "alpha", "depth", "cryptomatte"]
     answer, found = show(passes=passes, cryptomatte="Layer.CryptoObject")
     frame = model.render(camera)
@@ -122,8 +123,7 @@ def test_passes_are_those_of_the_frame(show, model, camera, edit):
     assert answer["metadata"] == header(model.objects, "Layer.CryptoObject")
 
 
-# --------------------------------------------------------------------------------------------------------------- planes
-def test_a_preview_is_the_planes_that_a_frame_of_the_camera_has(preview, model, camera):
+def test_preview_planes_match_the_frame(preview, model, camera):
     answer, planes = preview()
     frame = model.render(camera.scaled(300, 200))
     assert answer["size"] == [300, 200] and planes.base.shape == (200, 300, 3)
@@ -132,7 +132,7 @@ def test_a_preview_is_the_planes_that_a_frame_of_the_camera_has(preview, model, 
     assert np.abs(planes.base / 255 - frame.color).max() < 0.6 / 255
 
 
-def test_a_coarse_preview_looks_the_same_and_loads_the_model_once(preview, model, camera, session, learned):
+def test_coarse_preview_looks_alike_and_reuses_the_model(preview, model, camera, session, learned):
     _, planes = preview(long_side=96)
     frame = model.render(camera.scaled(96, 64))
     assert np.abs(planes.base / 255 - frame.color).mean() < 1 / 255
@@ -141,45 +141,41 @@ def test_a_coarse_preview_looks_the_same_and_loads_the_model_once(preview, model
 
 
 @pytest.mark.parametrize("kept", [["geometry", "segmentation"], ["geometry"]])
-def test_planes_of_fewer_stages_have_no_swatches_or_no_objects(preview, learned, model, camera, tmp_path, kept):
+def test_planes_of_unfinished_projects_lack_swatches_or_objects(preview, learned, model, camera, tmp_path, kept):
     _, planes = preview(project=unfinished(learned, tmp_path, *kept))
     objects = model.objects if "segmentation" in kept else []
     assert planes.objects == tuple(objects) and planes.palette_weights.shape == (len(objects), 0, 200, 300)
     assert planes.base.std() > 0
     if objects:
-        frame = of_field(model).render(camera.scaled(300, 200))  # its splats went with the geometry
+        frame = of_field(model).render(camera.scaled(300, 200))  # without splats
         assert np.abs(planes.probabilities - frame.probabilities).max() < 0.02
 
 
-# ----------------------------------------------------------------------------------------------------- colors of splats
 def points_of(table, count):
     rows = np.linspace(0, count - 1, 20).astype(int)
     return {"count": count, "rows": rows.tolist(), "positions": table[rows, :3].tolist()}
 
 
-def test_colors_are_the_recolored_table_row_by_row_or_as_learned(ask, model, edit, learned, tmp_path):
-    answer = ask("harmonics")
-    assert list(answer["arrays"]) == ["harmonics"] and answer["arrays"]["harmonics"]["offset"] == 0
-    found, as_learned = arrays_of(answer)["harmonics"], model.splats.table[:, COLOR:]
-    assert_array_equal(found, model.recolored_splats(edit).table[:, COLOR:])
+def test_harmonics_are_those_of_the_recolored_splats(harmonics, model, edit, learned, tmp_path):
+    answer, found = harmonics()
+    as_learned, recolored = (splats.table[:, COLOR:] for splats in (model.splats, model.recolored_splats(edit)))
+    assert list(found) == ["harmonics"] and answer["arrays"]["harmonics"]["offset"] == 0
     assert answer["n_solid"] == model.splats.n_foreground and answer["seconds"] >= 0
-    assert (found != as_learned).any()
+    assert_array_equal(found["harmonics"], recolored)
+    assert (recolored != as_learned).any()
     for options in ({"edit": None}, {"project": unfinished(learned, tmp_path, "segmentation")}):
-        assert_array_equal(arrays_of(ask("harmonics", **options))["harmonics"], as_learned)
+        assert_array_equal(harmonics(**options)[1]["harmonics"], as_learned)
+    for count in (len(model.splats), model.splats.n_foreground):
+        points = points_of(model.splats.table, count)
+        assert_array_equal(harmonics(points=points)[1]["harmonics"], recolored[:count])
 
 
-@pytest.mark.parametrize("is_solid", [False, True])
-def test_an_object_gets_as_many_colors_as_it_has_points(ask, model, edit, is_solid):
-    count = model.splats.n_foreground if is_solid else len(model.splats)
-    found = arrays_of(ask("harmonics", points=points_of(model.splats.table, count)))["harmonics"]
-    assert_array_equal(found, model.recolored_splats(edit).table[:count, COLOR:])
-
-
-def test_colors_are_turned_as_the_object_is(ask, model, edit):
-    there = transform_gaussians(model.recolored_splats(edit), MOVED).table
-    found = arrays_of(ask("harmonics", points=points_of(there, len(there))))["harmonics"]
-    assert_allclose(found, there[:, COLOR:], atol=2e-5)
-    assert found.shape[1] > 3 and (found != model.recolored_splats(edit).table[:, COLOR:]).any()
+def test_harmonics_follow_the_rotation_of_the_points(harmonics, model, edit):
+    recolored = model.recolored_splats(edit)
+    moved = transform_gaussians(recolored, MOVED).table
+    found = harmonics(points=points_of(moved, len(moved)))[1]["harmonics"]
+    assert_allclose(found, moved[:, COLOR:], atol=2e-5)
+    assert found.shape[1] > 3 and (found != recolored.table[:, COLOR:]).any()
 
 
 @pytest.mark.parametrize(
@@ -192,48 +188,46 @@ def test_colors_are_turned_as_the_object_is(ask, model, edit):
         {"count": 7},
     ],
 )
-def test_other_points_are_refused(ask, model, wrong):
+def test_foreign_points_are_rejected(harmonics, model, wrong):
     splats = len(model.splats)
     words = f"7 points, and the scene {splats} splats" if "count" in wrong else "not where the scene's splats are"
     with pytest.raises(BadRequest, match=words):
-        ask("harmonics", points=points_of(model.splats.table, splats) | wrong)
+        harmonics(points=points_of(model.splats.table, splats) | wrong)
 
 
-def test_a_project_without_splats_says_so(ask, learned, tmp_path):
+def test_harmonics_without_splats_are_rejected(harmonics, learned, tmp_path):
     with pytest.raises(BadRequest, match="shows no splats"):
-        ask("harmonics", project=unfinished(learned, tmp_path, "geometry"))
+        harmonics(project=unfinished(learned, tmp_path, "geometry"))
 
 
-# ----------------------------------------------------------------------------------------------------------- every kind
-ALL = ("show", "preview", "harmonics")
+KINDS = ("show", "preview", "harmonics")
 
 
-@pytest.mark.parametrize("kind", ALL)
-def test_it_stops_where_another_answer_is_wanted(kind, request, session):
+@pytest.mark.parametrize("kind", KINDS)
+def test_superseded_query_is_cancelled(kind, request, session):
     session.is_superseded = lambda: True
     with pytest.raises(Cancelled):
-        request.getfixturevalue("ask")(kind) if kind == "harmonics" else request.getfixturevalue(kind)()
+        request.getfixturevalue(kind)()
     assert not (session.folder / "answers").exists()
 
 
-WRONG = [
-    (ALL, {"project": None}, BadRequest, "project = None is not of type str"),
-    (ALL[:2], {"camera": [1]}, BadRequest, "is not of type dict"),
-    (ALL[:2], {"camera": {"w": 10}}, DataError, "the query.* declares no picture size"),
-    (ALL[1:2], {"long_side": "96"}, BadRequest, "long_side = '96' is not of type int"),
-    (ALL[1:2], {"long_side": 0}, BadRequest, "long_side = 0 is out of range"),
-    (ALL[:1], {"passes": ["Z"]}, BadRequest, "no passes"),
-    (ALL[::2], {"edit": [1]}, BadRequest, "edit = .* is not of type dict"),
-    (ALL[::2], {"edit": {"objects": {"cat": {"colors": []}}}}, DataError, "the query edits the unknown object 'cat'"),
-    (ALL[2:], {"points": [1]}, BadRequest, "points = .* is not of type dict"),
-    (ALL[2:], {"points": {}}, BadRequest, "count = None is not of type int"),
+MALFORMED = [
+    (KINDS, {"project": None}, BadRequest, "project = None is not of type str"),
+    (KINDS[:2], {"camera": [1]}, BadRequest, "is not of type dict"),
+    (KINDS[:2], {"camera": {"w": 10}}, DataError, "the query.* declares no picture size"),
+    (KINDS[1:2], {"long_side": "96"}, BadRequest, "long_side = '96' is not of type int"),
+    (KINDS[1:2], {"long_side": 0}, BadRequest, "long_side = 0 is out of range"),
+    (KINDS[:1], {"passes": ["Z"]}, BadRequest, "no passes"),
+    (KINDS[::2], {"edit": [1]}, BadRequest, "edit = .* is not of type dict"),
+    (KINDS[::2], {"edit": {"objects": {"cat": {"colors": []}}}}, DataError, "the query edits the unknown object 'cat'"),
+    (KINDS[2:], {"points": [1]}, BadRequest, "points = .* is not of type dict"),
+    (KINDS[2:], {"points": {}}, BadRequest, "count = None is not of type int"),
 ]
 
 
 @pytest.mark.parametrize(
-    ("kind", "wrong", "error", "sentence"), [(kind, *row) for kinds, *row in WRONG for kind in kinds]
+    ("kind", "wrong", "error", "sentence"), [(kind, *row) for kinds, *row in MALFORMED for kind in kinds]
 )
-def test_what_is_wrong_with_a_query_is_named(ask, camera, kind, wrong, error, sentence):
-    whole = {} if kind == "harmonics" else {"camera": camera_to_json(camera), "long_side": 90}
+def test_malformed_queries_are_rejected(request, kind, wrong, error, sentence):
     with pytest.raises(error, match=sentence):
-        ask(kind, **whole | wrong)
+        request.getfixturevalue(kind)(**wrong)
