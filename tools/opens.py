@@ -20,7 +20,7 @@ def rows() -> list[tuple[str, str, str, str]]:
     """Return (kind, program, files, notes) of all marks, sorted by program."""
     paths = sorted((ROOT / "blender_tests").rglob("test_*.py"))
     found = {row for path in paths for row in _marks(ast.parse(path.read_text(encoding="utf-8")))}
-    return sorted(found, key=lambda row: row[1].lower())
+    return sorted(found, key=lambda row: (row[1].lower(), *row))
 
 
 def _marks(tree: ast.AST) -> Iterator[tuple[str, str, str, str]]:

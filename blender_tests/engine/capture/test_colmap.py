@@ -60,6 +60,7 @@ def assert_agrees(capture, model):
     assert len(points.view) == model.compute_num_observations()
 
 
+@pytest.mark.opens("capture", "COLMAP 3 and 4, also rigs", "`.bin` or `.txt`", "perspective and fisheye lenses, points")
 @pytest.mark.parametrize("suffix", [".bin", ".txt"])
 @pytest.mark.parametrize("model", MODELS)
 def test_models_are_read_as_pycolmap_reads_them(tmp_path, model, suffix):

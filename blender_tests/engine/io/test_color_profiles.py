@@ -122,6 +122,12 @@ def test_srgb_and_damaged_profiles_change_no_bit(data, tmp_path, colors):
 
 
 # --------------------------------------------------------------------------------------------------------------- photos
+@pytest.mark.opens(
+    "photo",
+    "phones, cameras, editors",
+    "any kind with an ICC profile",
+    "Display P3, Adobe RGB, ProPhoto RGB, tables, gray, CMYK",
+)
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp", "a.tif", "a.heic", "a.avif"])
 def test_photos_of_every_kind_are_read_by_their_profile(name, tmp_path):
     plain = np.full((32, 32, 3), (200, 60, 40), np.uint8)
