@@ -6,11 +6,11 @@ checked here. Formats and their precision:
 - compressed PLY (developer.playcanvas.com): elements `chunk` (bounds of 256 Gaussians each), `vertex` (four packed words)
   and, above degree 0, `sh`. 1/2047 of a chunk's extent (y: 1/1023) for centers and log scales, 1/255 for colors and
   opacity, 0.003 of a unit quaternion, 1/32 for higher harmonics, clipped to [-4, 4].
-- SPZ (github.com/nianticlabs/spz), versions 2 to 4; version 4 is written. Centers 2^-bits / 2, where the farthest
+- SPZ (github.com/nianticlabs/spz), versions 2 to 4; 3 and 4 are written. Centers 2^-bits / 2, where the farthest
   coordinate decides the bits (at least 1.2e-7 of it); log scales 1/32, from -10 to 5.9; opacity 1/510; quaternion
   components 0.0014; harmonics of degree 0 1/76, higher ones 1/256, clipped to [-0.99, 0.99]. SPZ is right, up, back, so
   Gaussians are rotated by `upright`, as the reference does, unless the extension SPZ_ADOBE_coordinate_system declares
-  other axes; those that are written are declared. Some programs, gsply among them, do not rotate and declare nothing;
+  other axes; version 4 is written with it. Some programs, gsply among them, do not rotate and declare nothing;
   their files cannot be told apart and appear upside down.
 """
 
@@ -170,23 +170,37 @@ def _declared_axes(path: Path, extensions: bytes) -> str:
     return AXES[0]
 
 
-def write_spz(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians as SPZ version 4; columns are dropped. Raises BadRequest if a center is out of its range."""
+def write_spz(path: Path, splats: SplatFile, version: int = 3) -> None:
+    """Write Gaussians as SPZ; columns are dropped. Raises BadRequest if a center is out of its range.
+
+    version: 3, which all readers know, or 4, which declares its axes.
+    """
     bits = _fraction_bits(path, float(np.abs(splats.table[:, :3]).max()))
 
     def write_packed(temporary: Path) -> None:
         with needing_packages():
             import gsply
-            import zstandard  # noqa: F401  gsply packs streams with it
 
-            gsply.write_spz(temporary, to_package(upright(splats.table)), version=STREAMED, fractional_bits=bits)
-        data = bytearray(temporary.read_bytes())
-        axes = RECORD.pack(AXES_KIND, 4) + struct.pack("<I", AXES.index("RUB", 1))
-        data[FLAGS_AT] |= EXTENDED | (ANTIALIASED if splats.is_antialiased else 0)
-        struct.pack_into("<I", data, STREAMS_AT, RECORDS_AT + len(axes))
-        temporary.write_bytes(data[:RECORDS_AT] + axes + data[RECORDS_AT:])
+            if version == STREAMED:
+                import zstandard  # noqa: F401  gsply packs streams with it
+            gsply.write_spz(temporary, to_package(upright(splats.table)), version=version, fractional_bits=bits)
+        if version == STREAMED:
+            temporary.write_bytes(_declaring_axes(temporary.read_bytes(), bool(splats.is_antialiased)))
+        elif splats.is_antialiased:
+            data = bytearray(gzip.decompress(temporary.read_bytes()))
+            data[FLAGS_AT] |= ANTIALIASED
+            temporary.write_bytes(gzip.compress(data, mtime=0))
 
     atomic_write(path, write_packed)
+
+
+def _declaring_axes(data: bytes, is_antialiased: bool) -> bytes:
+    """Return the bytes of a file of version 4 without extensions with its axes and flags."""
+    axes = RECORD.pack(AXES_KIND, 4) + struct.pack("<I", AXES.index("RUB", 1))
+    head = bytearray(data[:RECORDS_AT])
+    head[FLAGS_AT] |= EXTENDED | (ANTIALIASED if is_antialiased else 0)
+    struct.pack_into("<I", head, STREAMS_AT, RECORDS_AT + len(axes))
+    return bytes(head) + axes + data[RECORDS_AT:]
 
 
 def _fraction_bits(path: Path, farthest: float) -> int:

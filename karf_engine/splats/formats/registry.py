@@ -56,11 +56,12 @@ class Kind:
 
 
 COMPRESSED_PLY = Kind((".compressed.ply",), packed.read_compressed_ply, packed.write_compressed_ply)
+SPZ = Kind((".spz",), packed.read_spz, packed.write_spz)
 PLAIN_PLY = Kind((".ply",), ply.read, ply.write, is_limited=False)
 KINDS = (
     COMPRESSED_PLY,  # before the shorter extension
     PLAIN_PLY,
-    Kind((".spz",), packed.read_spz, packed.write_spz),
+    SPZ,
     Kind((".glb", ".gltf"), gltf.read, gltf.write),
     Kind((".usda", ".usdc", ".usd"), usd.read, usd.write),
     Kind((".sog",), sog.read, sog.write),
@@ -128,14 +129,17 @@ def is_plain_ply(path: Path) -> bool:
         return True
 
 
-def write_splats(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians atomically in the format of the extension; columns only as .ply.
+def write_splats(path: Path, splats: SplatFile, spz_version: int = 3) -> None:
+    """Write Gaussians atomically in the format of the extension; columns only as .ply. spz_version: see `write_spz`.
 
     Raises BadRequest for an unknown extension or centers out of its range, and MissingDependency.
     """
-    write = _kind(path, WRITTEN).write
-    assert write is not None
-    write(path, splats)
+    kind = _kind(path, WRITTEN)
+    if kind is SPZ:
+        packed.write_spz(path, splats, spz_version)
+        return
+    assert kind.write is not None
+    kind.write(path, splats)
 
 
 def end_of(path: Path) -> str:
