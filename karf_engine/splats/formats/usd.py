@@ -121,9 +121,9 @@ def _check_colors(path: Path, prim: Usd.Prim) -> None:
     """Raise DataError if a prim, one above it or its colors themselves declare another color space than sRGB."""
     from pxr import Usd
 
-    for name in (HARMONICS, f"{HARMONICS}h"):
-        attribute = prim.GetAttribute(name)
-        declared = Usd.ColorSpaceAPI.ComputeColorSpaceName(attribute, None) if attribute.HasValue() else ""
+    attributes = [prim.GetAttribute(name) for name in (HARMONICS, f"{HARMONICS}h")]
+    for attribute in filter(Usd.Attribute.HasValue, attributes):
+        declared = Usd.ColorSpaceAPI.ComputeColorSpaceName(attribute, None)
         space = declared or prim.GetAttribute("colorSpace:name").Get() or ""  # also without the schema applied
         if space not in SRGB:
             raise DataError(

@@ -129,3 +129,10 @@ def test_usd_that_declares_srgb_is_read(space, tmp_path):
     before = arrays_of(path)["table"]
     in_space(path, space, "prim")
     assert np.array_equal(arrays_of(path)["table"], before)
+
+
+def test_the_colors_own_space_counts_more_than_the_prims(tmp_path):
+    path = written(tmp_path, ".usda")
+    in_space(path, "lin_rec709_scene", "prim")
+    in_space(path, "srgb_rec709_scene", "colors")
+    assert len(arrays_of(path)["table"]) == 20
