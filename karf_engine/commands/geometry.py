@@ -277,7 +277,7 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
         from ..splats.visibility import sample_surface_points  # needs numba
 
         cameras = [training_image.camera for training_image in training_images]
-        gaussians = read_captured_gaussians(capture.splats, cameras)
+        gaussians = read_captured_gaussians(capture.splats, cameras, job.emit)
         return sample_surface_points(gaussians, cameras, job.progress("points", len(cameras)).step)
     if capture.points is not None and len(capture.points.view):
         return capture.points.seen_by([n for n, view in enumerate(capture.views) if view.split == "train"])

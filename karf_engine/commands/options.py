@@ -361,7 +361,7 @@ class ExportSplatOptions(ProjectOptions):
 
     command: ClassVar[str] = "export-splat"
 
-    out: Path = option("the file: .ply, .compressed.ply, .spz, .glb, .gltf, .usd, .usda or .usdc", metavar="FILE")
+    out: Path = option("the file: .ply, .compressed.ply, .spz, .sog, .glb, .gltf, .usd, .usda or .usdc", metavar="FILE")
     edit: Path | None = option("EDIT.json or a palette file whose colors it gets", None, metavar="FILE")
     sheet: Path | None = option(
         "in place of an edit, a sheet as for colorways: a file for each, named FILE_<colorway>", None, metavar="FILE"
@@ -371,6 +371,9 @@ class ExportSplatOptions(ProjectOptions):
     )
     solid: bool = option("leave out the shell that shows what is behind the scene", False)
     attributes: bool = option("add to each Gaussian its object, probability and palette weights; .ply only", False)
+    spz_version: int = option(
+        "of a .spz: 3, which every reader knows, or 4, which declares its axes", 3, metavar="N", minimum=3, maximum=4
+    )
     matrix: Matrix4 | None = option(
         "16 numbers, row by row: a rotation, uniform scale and translation from the capture's world to the file's",
         None,
