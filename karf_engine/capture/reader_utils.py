@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -77,8 +76,7 @@ def pose_of_opencv(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
 
 def rotation_of_quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
     """Return the rotation matrix [3, 3] of a quaternion of any length but 0."""
-    length = math.hypot(w, x, y, z)
-    w, x, y, z = w / length, x / length, y / length, z / length
+    w, x, y, z = (np.array([w, x, y, z]) / np.linalg.norm([w, x, y, z])).tolist()
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
