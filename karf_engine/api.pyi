@@ -44,6 +44,18 @@ def import_splat(
     emit: Emit | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> None: ...
+def convert_panoramas(
+    capture: PathLike,
+    out: PathLike,
+    *,
+    faces: str = "front,right,back,left,up,down",
+    size: int | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
 def inspect_capture(
     capture: Capture | PathLike,
     *,
@@ -75,6 +87,7 @@ def learn(
     overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
     nerf: PathLike | None = None,
     holdout: int | None = None,
+    without: list[str] | tuple[str, ...] | None = None,
     photo_space: str | None = None,
     ocio: str | None = None,
     corrections: PathLike | None = None,
@@ -93,6 +106,7 @@ def learn_geometry(
     overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
     nerf: PathLike | None = None,
     holdout: int | None = None,
+    without: list[str] | tuple[str, ...] | None = None,
     photo_space: str | None = None,
     ocio: str | None = None,
     masks: PathLike | None = None,

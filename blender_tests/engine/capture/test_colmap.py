@@ -32,8 +32,9 @@ MODELS = {  # distortion that folds nothing over in the picture
     "SIMPLE_RADIAL_FISHEYE": [0.03],
     "RADIAL_FISHEYE": [0.03, -0.01],
     "OPENCV_FISHEYE": [0.03, -0.01, 0.004, -0.001],
+    "THIN_PRISM_FISHEYE": [0.03, -0.01, 0.002, -0.003, 0.004, -0.001, 0.005, -0.004],
+    "RAD_TAN_THIN_PRISM_FISHEYE": [0.04, -0.05, 0.1, 0.09, -0.1, 0.03, 0.002, -0.001, 0.003, -0.0005, -0.002, 0.0004],
 }
-REFUSED = sorted(set(COLMAP_IDS) - set(MODELS))
 
 
 # -------------------------------------------------------------------------------------------------------------- referee
@@ -134,17 +135,6 @@ def test_features_without_a_line_of_their_own_are_none(tmp_path):
     put(tmp_path / "images.txt", model.images_text().rstrip())
     capture = open_capture(tmp_path)
     assert len(capture.views) == 9 and capture.points is None
-
-
-@pytest.mark.parametrize("model", REFUSED)
-@pytest.mark.parametrize("suffix", [".bin", ".txt"])
-def test_lenses_that_cannot_be_expressed_are_refused_by_name(tmp_path, model, suffix):
-    written = ColmapModel(CAMERAS, NAMES)
-    written.cameras = [(7, model, 8, 6, [5.0] * len(PARAMETERS[model].split()))]
-    put_photos(tmp_path / "images", NAMES)
-    written.write(tmp_path / "sparse", suffix)
-    with pytest.raises(DataError, match=f"taken by a {model} camera, which is not supported"):
-        open_capture(tmp_path)
 
 
 # --------------------------------------------------------------------------------------------------------------- photos
