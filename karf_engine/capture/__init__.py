@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..errors import BadRequest, DataError
+from ..errors import BadRequest, DataError, Message
 from ..io.arguments import check_arguments
 from ..io.plugins import load_plugin, plugin_names
 from .camera import Camera, Panorama
@@ -103,7 +103,7 @@ def _without_panoramas(capture: Capture, path: Path) -> Capture:
     if not names:
         return capture
     count, total = len(names), len(capture.views)
-    hint = f"Convert them in a terminal: karf pinhole {path} --out FOLDER; then open that folder."
+    hint = Message('Convert them in a terminal: karf pinhole "{path}" --out FOLDER. Then open that folder.', path=path)
     if count == total:
         raise DataError("The photos of {path} are 360-degree photos, not pinhole ones.", hint, path=path)
     remark = f"{count} of {total} photos were left out, because they are 360-degree photos. {hint}"

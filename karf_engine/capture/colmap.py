@@ -155,7 +155,7 @@ def _camera(image: Image, source: Intrinsics, label: str) -> Camera:
     values, pose = source.parameters, _camera_to_world(image.pose, label)
     if source.model == "EQUIRECTANGULAR":
         return Panorama.of(label, source.width, source.height, pose)
-    fx, fy = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
+    fx, fy = (values["f"],) * 2 if "f" in values else (values["fx"], values["fy"])
     fisheye = source.model not in PINHOLES
     if source.model in RADIAL:
         corner = np.hypot(

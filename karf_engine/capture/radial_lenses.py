@@ -38,14 +38,15 @@ def fit_fisheye(
         DataError: The lens maps no rays, or not in the order of their angles, or the model cannot describe it.
     """
     angles, distances = _samples(label, distance, largest_distance)
-    for count, padding in ((4, 0), (6, len(RAD_TAN_KEYS) - 6)):
+    for count in (4, 6):
         powers = np.stack([angles ** (2 * n + 1) for n in range(count + 1)], 1)
         (factor, *coefficients), *_ = np.linalg.lstsq(powers, distances, rcond=None)
         error = np.abs(powers @ [factor, *coefficients] - distances).max() / min(1.0, distances[-1])
         if error <= GOOD_ERROR:
             break
     _check_fit(label, error)
-    return float(factor), (*(float(value / factor) for value in coefficients), *[0.0] * padding)
+    distortion = [float(value / factor) for value in coefficients]
+    return float(factor), tuple(distortion if count == 4 else distortion + [0.0] * (len(RAD_TAN_KEYS) - count))
 
 
 def brown_distortion(

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..capture import read_capture
 from ..capture.camera import Panorama
-from ..capture.capture import Capture, View
+from ..capture.capture import View
 from ..capture.panoramas import face_camera, sample_face
 from ..capture.training_images import photo_path
 from ..capture.transforms import write_capture

@@ -7,7 +7,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from blender_tests.engine.reference.capture_files import (
-    COLMAP_IDS,
     ColmapModel,
     put,
     put_photos,

@@ -137,7 +137,7 @@ def test_small_and_large_faces_are_averaged_and_interpolated(tmp_path, picture, 
 def test_opening_them_directly_names_the_command(tmp_path, picture, write):
     write(tmp_path)
     write_png(tmp_path / "images" / "pano.png", picture)
-    with pytest.raises(DataError, match="are 360-degree photos.* karf pinhole .* --out"):
+    with pytest.raises(DataError, match=r'are 360-degree photos.* karf pinhole ".*" --out'):
         open_capture(tmp_path)
 
 
@@ -200,7 +200,7 @@ def test_sixteen_bits_stay(tmp_path, picture):
 def test_a_photo_of_a_part_of_the_sphere_is_refused(tmp_path, shape):
     write_nerfstudio(tmp_path)
     write_png(tmp_path / "images" / "pano.png", np.zeros((*shape, 3)))
-    with pytest.raises(DataError, match="pano.png.*not of the whole sphere"):
+    with pytest.raises(DataError, match=r"pano.png.*not of the whole sphere"):
         karf.convert_panoramas(tmp_path, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
