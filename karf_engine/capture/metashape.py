@@ -23,6 +23,7 @@ from .radial_lenses import brown_distortion
 from .reader_utils import opencv_distortion, read_bytes, rigid_pose
 
 HEAD_BYTES = 4096
+OFF = ("false", "0")
 FISHEYE = ("fisheye", "equidistant_fisheye")
 MOST_SKEW = 1.0  # pixels over the picture's height
 
@@ -48,7 +49,7 @@ def read_metashape(path: Path, photos: bool) -> Capture:
     sensors = {sensor.get("id"): sensor for sensor in chunk.iter("sensor")}
     components = {each.get("id"): each for each in chunk.iter("component")}
     cameras = [each for each in chunk.iter("camera") if each.get("label")]
-    aligned = [each for each in cameras if each.find("transform") is not None and each.get("enabled") != "false"]
+    aligned = [each for each in cameras if each.find("transform") is not None and each.get("enabled") not in OFF]
     posed = [
         PosedPhoto(
             PurePosixPath(camera.get("label", "").replace("\\", "/")),

@@ -82,6 +82,9 @@ def _posed_by_csv(file: Path) -> list[PosedPhoto]:
     rows = [dict(zip(names, row, strict=False)) for row in csv.reader(lines) if row]
     if not rows:
         raise DataError(f"{file} holds no cameras.", AGAIN)
+    for number, row in enumerate(rows, 2):
+        if not row.get("name", "").strip():
+            raise DataError(f"{file}, line {number} names no photo.", AGAIN)
     return [
         PosedPhoto(
             PurePosixPath(row["name"].replace("\\", "/")), partial(_camera_of_row, f"{file}, line {number}", row)

@@ -1,5 +1,6 @@
 """Importing a capture: the rig, what the scene remembers, and refusals."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -60,6 +61,15 @@ def test_a_photo_that_cannot_be_opened_leaves_the_cameras_standing(addon, scene,
 
 
 # --- refusals and undo -----------------------------------------------------------------------------------------------
+def test_a_capture_of_360_degree_photos_names_the_command_that_converts_them(bpy, addon, scene, tmp_path):
+    frame = {"file_path": "360.png", "camera_model": "EQUIRECTANGULAR", "transform_matrix": np.eye(4).tolist()}
+    (tmp_path / "transforms.json").write_text(json.dumps({"frames": [frame]}))
+    addon.images.write_png(tmp_path / "360.png", np.zeros((4, 8, 3), np.float32))
+    with pytest.raises(RuntimeError, match=r"360-degree photos.*karf pinhole .*--out"):
+        bpy.ops.karf.import_capture(filepath=str(tmp_path), project=str(tmp_path / "project"))
+    assert scene.karf.rig is None
+
+
 @pytest.mark.parametrize("name", ["nowhere", "notes.txt", "weights.bin", "table.npy", "settings.json"])
 def test_what_is_no_capture_is_refused_in_a_sentence_and_leaves_nothing_behind(bpy, scene, tmp_path, name):
     if "." in name:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from blender_tests.engine.reference.capture_files import put, put_photos, random_rig
+from blender_tests.engine.reference.capture_files import put, put_json, put_photos, random_rig
 from karf_engine.capture import Capture, View, open_capture
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import capture_from_json, capture_to_json
@@ -157,6 +157,38 @@ def test_metashapes_fisheye_with_tangential_terms_and_frame_with_k4(tmp_path):
                      np.stack([WIDTH / 2 + FOCAL * r, np.full(3, HEIGHT / 2)], 1))  # fmt: skip
     radial = 1 + 0.03 * r**2 - 0.01 * r**4 + 0.004 * r**6 - 0.001 * r**8
     assert_allclose(stored[:, 0], WIDTH / 2 + FOCAL * r * radial, atol=0.3)
+
+
+@pytest.mark.parametrize(
+    ("labels", "words"),
+    [
+        (["a", "a"], "has several photos called a"),
+        (["1/a.png", "2/a.png"], "none of its 2 photos was found"),  # images/a.png is one of them only
+    ],
+)
+def test_photos_of_one_name_are_not_confused(tmp_path, labels, words):
+    pose = " ".join(map(str, np.eye(4).ravel()))
+    cameras = "".join(f'<camera sensor_id="0" label="{name}"><transform>{pose}</transform></camera>' for name in labels)
+    sensor = '<sensor id="0"><calibration><f>200</f></calibration></sensor>'
+    put(tmp_path / "cameras.xml", f"<d><chunk><s>{sensor}</s><c>{cameras}</c></chunk></d>".encode())
+    put_photos(tmp_path / "images", ["a.png"], (300, 200))
+    with pytest.raises(DataError, match=f"{tmp_path.name}.* {words}"):
+        open_capture(tmp_path)
+
+
+@pytest.mark.parametrize("lenses", [[[200, 200, 150]], [["a", 200, 150, 100]], [[200, 200, 150, 100]] * 2])
+def test_lenses_of_record3d_that_are_not_four_numbers_for_each_photo_are_named(tmp_path, lenses):
+    content = {"w": 300, "h": 200, "K": [200, 0, 0, 0, 200, 0, 150, 100, 1], "poses": [[0, 0, 0, 1, 0, 0, 0]]}
+    put_json(tmp_path / "metadata", content | {"perFrameIntrinsicCoeffs": lenses})
+    put_photos(tmp_path / "rgb", ["0.png"], (300, 200))
+    with pytest.raises(DataError, match="metadata lacks a value of the scan"):
+        open_capture(tmp_path)
+
+
+def test_a_row_of_realityscan_without_a_photo_is_named(tmp_path):
+    put(tmp_path / "cameras.csv", b"x,y,alt,heading,pitch,roll,f,name\n0,0,0,0,0,0,24,a.png\n1,2\n")
+    with pytest.raises(DataError, match=r"cameras\.csv, line 3 names no photo"):
+        open_capture(tmp_path)
 
 
 RS_HEADS = ["#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2", "#name,x,y,alt,yaw,pitch,roll,f_35mm,px_norm,py_norm,k1,k2,k3,k4,t1,t2"]  # fmt: skip
