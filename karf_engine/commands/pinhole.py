@@ -52,7 +52,11 @@ def _faces(
     view: View, camera: Panorama, faces: tuple[str, ...], size: int | None, folder: Path, progress: Progress
 ) -> list[View]:
     """Write the faces of a view's photo, in its format, depth and color space, and return their views."""
-    photo = open_photo(photo_path(view), view.space)
+    photo = replace(
+        open_photo(photo_path(view), view.space), keeps_xmp=False
+    )  # it says that this is a 360-degree photo
+    if photo.pixels.shape[-1] == 1:
+        photo = photo.copy()  # of gray light
     orientation = photo.orientation_for(camera)
     upright = apply_exif_orientation_copy(photo.pixels, orientation)
     side = size or camera.width // 4

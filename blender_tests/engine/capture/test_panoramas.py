@@ -88,6 +88,7 @@ def write_nerfstudio(folder, **more):
     put_json(folder / "transforms.json", {**lens, "frames": [frame], **more})
 
 
+GPANO = b'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf GPano:ProjectionType="equirectangular"/></x:xmpmeta>'
 PROGRAMS = [write_colmap, write_metashape, write_opensfm, write_equirectangular_opensfm, write_nerfstudio]
 
 
@@ -170,7 +171,7 @@ def test_other_photos_and_the_split_stay(tmp_path, picture):
 def save_jpeg(path, colors, profile):
     exif = Image.Exif()
     exif[0x0112] = 3  # upside down
-    Image.fromarray(colors[::-1, ::-1]).save(path, quality=95, exif=exif, icc_profile=profile)
+    Image.fromarray(colors[::-1, ::-1]).save(path, quality=95, exif=exif, icc_profile=profile, xmp=GPANO)
 
 
 def test_jpeg_stays_jpeg_upright_with_its_profile(tmp_path, picture):
@@ -181,6 +182,7 @@ def test_jpeg_stays_jpeg_upright_with_its_profile(tmp_path, picture):
     save_jpeg(tmp_path / "360" / "pano.jpg", np.rint(picture * 255).astype(np.uint8), profile)
     karf.convert_panoramas(tmp_path / "360", tmp_path / "out", faces="left")
     (view,) = open_capture(tmp_path / "out").views
+    assert b"GPano" in (tmp_path / "360" / "pano.jpg").read_bytes() and b"GPano" not in view.image.read_bytes()
     assert view.image.name == "pano_left.jpg" and Image.open(view.image).info["icc_profile"] == profile
     assert psnr_away_from_edges(read_photo(view.image), still_life.take_photo(view.camera, sky=True).color) > 35
 
