@@ -19,7 +19,7 @@ from .camera import LARGEST_POSITION, Camera, Panorama, read_camera
 from .capture import Capture, SparsePoints
 from .colmap_model import Image, Intrinsics, Points, count_images, read_cameras, read_images, read_points
 from .distortion import FISHEYE_KEYS, RAD_TAN_KEYS, THIN_PRISM_KEYS
-from .radial_lenses import division, field_of_view, fit_fisheye, unified
+from .radial_lenses import corner_distance, division, field_of_view, fit_fisheye, unified
 from .reader_utils import (
     at_photo,
     make_views,
@@ -158,10 +158,8 @@ def _camera(image: Image, source: Intrinsics, label: str) -> Camera:
     fx, fy = (values["f"],) * 2 if "f" in values else (values["fx"], values["fy"])
     fisheye = source.model not in PINHOLES
     if source.model in RADIAL:
-        corner = np.hypot(
-            max(values["cx"], source.width - values["cx"]), max(values["cy"], source.height - values["cy"])
-        )
-        factor, distortion = fit_fisheye(label, RADIAL[source.model](values), corner / min(fx, fy))
+        corner = corner_distance(source.width, source.height, values["cx"], values["cy"], min(fx, fy))
+        factor, distortion = fit_fisheye(label, RADIAL[source.model](values), corner)
         fx, fy = factor * fx, factor * fy
     else:
         distortion = opencv_distortion(values, fisheye, THIN_PRISMS.get(source.model, FISHEYE_KEYS))

@@ -19,7 +19,7 @@ from .camera import Camera, Panorama, read_camera
 from .capture import Capture
 from .distortion import THIN_PRISM_KEYS
 from .posed_photos import PosedPhoto, read_posed
-from .radial_lenses import brown_distortion
+from .radial_lenses import brown_distortion, corner_distance
 from .reader_utils import opencv_distortion, read_bytes, rigid_pose
 
 HEAD_BYTES = 4096
@@ -108,7 +108,7 @@ def _camera(
         named = {"k1": k1, "k2": k2, "k3": k3, "k4": k4, "p1": p1, "p2": p2}
         distortion = opencv_distortion(named, True, THIN_PRISM_KEYS)
     else:
-        corner = float(np.hypot(max(cx, width - cx), max(cy, height - cy)) / max(f, 1))
+        corner = corner_distance(width, height, cx, cy, f)
         distortion = brown_distortion(label, (k1, k2, k3, k4), (p1, p2), corner)
     return read_camera(label, width, height, f + value("b1"), f, cx, cy, pose, distortion, is_fisheye)
 

@@ -6,6 +6,7 @@ fits.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -18,6 +19,11 @@ SAMPLES = 400  # angles of the fit
 FEWEST = 8  # samples that the lens must map
 LARGEST_ANGLE = np.radians(85)  # of rays that a pinhole view can have
 GOOD_ERROR, LARGEST_ERROR = 2e-5, 5e-4  # of the distance, focal lengths: 0.04 and 1 pixel of a focal length of 2000
+
+
+def corner_distance(width: int, height: int, cx: float, cy: float, focal: float) -> float:
+    """Return the distance of a photo's farthest corner from the principal point, in focal lengths; 0 for none."""
+    return math.hypot(max(cx, width - cx), max(cy, height - cy)) / focal if focal > 0 else 0.0
 
 
 def fit_fisheye(

@@ -20,7 +20,7 @@ from ..errors import DataError
 from .camera import LARGEST_POSITION, Camera, read_camera
 from .capture import Capture
 from .posed_photos import PHOTO_FOLDERS, PosedPhoto, read_posed
-from .radial_lenses import brown_distortion, division, fit_fisheye
+from .radial_lenses import brown_distortion, corner_distance, division, fit_fisheye
 from .reader_utils import pose_of_opencv, read_text
 
 FILM = 36.0  # millimeters of the longer side
@@ -160,7 +160,7 @@ def _camera(
         raise DataError(f"{label} has no pose or focal length.", AGAIN)
     if kind not in ("perspective", "division") and not kind.startswith("brown"):
         raise DataError(f"{label} has a lens of the model {kind}.", "Export with the distortion model Brown3.")
-    corner = float(np.hypot(max(cx, width - cx), max(cy, height - cy)) / f)
+    corner = corner_distance(width, height, cx, cy, f)
     if kind == "division" and k1:
         factor, distortion = fit_fisheye(label, division(k1), corner)
         return read_camera(label, width, height, factor * f, factor * f, cx, cy, pose, distortion, True)
