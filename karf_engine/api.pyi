@@ -44,6 +44,18 @@ def import_splat(
     emit: Emit | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> None: ...
+def convert_panoramas(
+    capture: PathLike,
+    out: PathLike,
+    *,
+    faces: str = "front,right,back,left,up,down",
+    size: int | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
 def inspect_capture(
     capture: Capture | PathLike,
     *,

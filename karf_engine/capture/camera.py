@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ..io.image_size import MOST_PIXELS
 POSE_TOLERANCE = 1e-3  # deviation of a rotation matrix from orthonormal
 LARGEST_POSITION = 1e12  # its square fits single precision
 LARGEST_SIDE = 10**6  # pixels
+ASPECT_TOLERANCE = 0.01  # of a 360-degree photo's width to twice its height
 
 
 class Limits(NamedTuple):
@@ -54,9 +55,9 @@ class Camera:
         cx: Principal point along u, pixels; width / 2 if centered.
         cy: Principal point along v, pixels.
         camera_to_world: [4, 4] float64, rotation and position in world units.
-        distortion: OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or (k1, k2, k3, k4) of its fisheye model; empty for a
-            pinhole. See the module `distortion`.
-        fisheye: Whether the distortion is of OpenCV's fisheye model.
+        distortion: OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or (k1, k2, k3, k4) of its fisheye model, or the 10 or 12
+            values of one with a thin prism; empty for a pinhole. See the module `distortion`.
+        fisheye: Whether the distortion is of a fisheye model.
 
     Raises:
         TypeError: A field has another type than declared.
@@ -164,6 +165,29 @@ class Camera:
         """Return the centers of all pixels in row-major order, [height * width, 2]."""
         v, u = np.mgrid[0 : self.height, 0 : self.width]
         return np.stack([u.ravel() + 0.5, v.ravel() + 0.5], -1)
+
+
+class Panorama(Camera):
+    """The camera of a 360-degree photo, an equirectangular picture of the whole sphere; readers return it.
+
+    `open_capture` refuses such photos, and `commands.pinhole` converts them. The picture's center looks along -z; columns are
+    the longitude from -180 degrees at the left to 180, with +x in the right half; rows are the latitude from 90 degrees (+y)
+    at the top to -90. In axes right, down, forward so do COLMAP (EquirectangularCameraModel, src/colmap/sensor/models.h),
+    OpenSfM (SphericalProjection, geometry/camera_projections_functions.h) and Metashape (manual, "Spherical cameras"), and in
+    axes right, up, back nerfstudio (cameras/cameras.py).
+    """
+
+    @classmethod
+    def of(cls, label: str, width: int, height: int, camera_to_world: np.ndarray) -> Panorama:
+        """Make the camera. Raises DataError as `check_camera`, or if the picture is not of the whole sphere."""
+        if abs(width - 2 * height) > ASPECT_TOLERANCE * width:
+            raise DataError(
+                f"{label} is a 360-degree photo of {width}x{height} pixels, which is not of the whole sphere.",
+                "Give equirectangular photos that are twice as wide as high.",
+            )
+        focal = width / (2 * math.pi)  # of the picture's center
+        camera = cls(width, height, focal, focal, width / 2, height / 2, camera_to_world)
+        return cast(Panorama, check_camera(camera, label))
 
 
 def find_invalid_parameter(camera: Camera, limits: Limits) -> str:

@@ -22,6 +22,7 @@ from ..io.color_spaces import ColorSpace
 from ..io.matching import mask_stems
 from ..io.names import case_folded, check_name, check_names, file_name
 from .camera import LARGEST_POSITION, Camera, check_camera, read_camera
+from .distortion import RAD_TAN_KEYS, THIN_PRISM_KEYS
 
 SCHEMA = "karf-capture/1"
 WITH_SPLATS = "karf-capture/2"  # adds `splats`, which older readers would ignore
@@ -276,7 +277,8 @@ def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
     pose = np.array(entry["camera_to_world"], np.float64).reshape(4, 4)
     lens = tuple(map(float, entry["distortion"])), bool(entry.get("fisheye", False))
     camera = read_camera(label, width, height, fx, fy, cx, cy, pose, *lens, hint="Import the capture again.")
-    if len(camera.distortion) > 8 or entry["split"] not in SPLITS:
+    lengths = (*range(5), len(THIN_PRISM_KEYS), len(RAD_TAN_KEYS)) if camera.fisheye else range(9)
+    if len(camera.distortion) not in lengths or entry["split"] not in SPLITS:
         raise ValueError(f"{label}: its pose, lens or split")
     space, bounds = entry.get("color_space"), entry.get("depth_bounds")
     if bounds is not None:

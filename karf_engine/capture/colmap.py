@@ -15,10 +15,11 @@ import numpy as np
 
 from ..errors import DataError
 from ..io.matching import FileFinder, find_entry
-from .camera import LARGEST_POSITION, Camera, read_camera
+from .camera import LARGEST_POSITION, Camera, Panorama, read_camera
 from .capture import Capture, SparsePoints
 from .colmap_model import Image, Intrinsics, Points, count_images, read_cameras, read_images, read_points
-from .radial_lenses import division, field_of_view, fit_fisheye, unified
+from .distortion import FISHEYE_KEYS, RAD_TAN_KEYS, THIN_PRISM_KEYS
+from .radial_lenses import corner_distance, division, field_of_view, fit_fisheye, unified
 from .reader_utils import (
     at_photo,
     make_views,
@@ -37,6 +38,7 @@ MODEL_FILES = {f"{table.lower()}{suffix}" for table in (*TABLES, "rigs", "frames
 IDENTIFYING_FILES = ("cameras.bin", "images.bin", "cameras.txt")  # an images.txt may be any list of images
 PINHOLES = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
 FISHEYES = ("SIMPLE_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE")
+THIN_PRISMS = {"THIN_PRISM_FISHEYE": THIN_PRISM_KEYS, "RAD_TAN_THIN_PRISM_FISHEYE": RAD_TAN_KEYS}
 RADIAL = {  # converted to fisheye models
     "FOV": lambda values: field_of_view(values["omega"]),
     "SIMPLE_DIVISION": lambda values: division(values["k"]),
@@ -150,23 +152,18 @@ def _camera(image: Image, source: Intrinsics, label: str) -> Camera:
     """Return the camera of an image at its declared size."""
     if not np.abs(image.pixels).max(initial=0) <= LARGEST_POSITION:
         raise DataError(f"{label} has features that are not finite.", "Export the model again.")
-    if source.model not in (*PINHOLES, *FISHEYES, *RADIAL):
-        raise DataError(
-            f"{label} was taken by a {source.model} camera, which is not supported.",
-            "Undistort the photos with COLMAP (image_undistorter), or use OPENCV or OPENCV_FISHEYE cameras.",
-        )
-    values = source.parameters
-    fx, fy = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
+    values, pose = source.parameters, _camera_to_world(image.pose, label)
+    if source.model == "EQUIRECTANGULAR":
+        return Panorama.of(label, source.width, source.height, pose)
+    fx, fy = (values["f"],) * 2 if "f" in values else (values["fx"], values["fy"])
     fisheye = source.model not in PINHOLES
     if source.model in RADIAL:
-        corner = np.hypot(
-            max(values["cx"], source.width - values["cx"]), max(values["cy"], source.height - values["cy"])
-        )
-        factor, distortion = fit_fisheye(RADIAL[source.model](values), corner / min(fx, fy))
+        corner = corner_distance(source.width, source.height, values["cx"], values["cy"], min(fx, fy))
+        factor, distortion = fit_fisheye(label, RADIAL[source.model](values), corner)
         fx, fy = factor * fx, factor * fy
     else:
-        distortion = opencv_distortion(values, fisheye)
-    lens = fx, fy, values["cx"], values["cy"], _camera_to_world(image.pose, label), distortion
+        distortion = opencv_distortion(values, fisheye, THIN_PRISMS.get(source.model, FISHEYE_KEYS))
+    lens = fx, fy, values["cx"], values["cy"], pose, distortion
     hint = "Export the model again, or leave this image out."
     return read_camera(label, source.width, source.height, *lens, fisheye, hint=hint)
 

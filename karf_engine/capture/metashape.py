@@ -2,7 +2,8 @@
 
 Format (Metashape's manual, "Camera models", and the exported files): a camera's transform is camera to chunk with axes x
 right, y down, z forward, followed by that of its component. Focal length, principal point (from the center) and b1, b2 are
-in pixels; p1 and p2 have OpenCV's other order. The lens types are frame and fisheye.
+in pixels; p1 and p2 have OpenCV's other order. The lens types are frame (with k1..k4), fisheye (of equal angles) and
+spherical (see `Panorama`), which needs no calibration.
 """
 
 from __future__ import annotations
@@ -14,12 +15,16 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ..errors import DataError
-from .camera import Camera, read_camera
+from .camera import Camera, Panorama, read_camera
 from .capture import Capture
+from .distortion import THIN_PRISM_KEYS
 from .posed_photos import PosedPhoto, read_posed
+from .radial_lenses import brown_distortion, corner_distance
 from .reader_utils import opencv_distortion, read_bytes, rigid_pose
 
 HEAD_BYTES = 4096
+OFF = ("false", "0")
+FISHEYE = ("fisheye", "equidistant_fisheye")
 MOST_SKEW = 1.0  # pixels over the picture's height
 
 
@@ -44,7 +49,7 @@ def read_metashape(path: Path, photos: bool) -> Capture:
     sensors = {sensor.get("id"): sensor for sensor in chunk.iter("sensor")}
     components = {each.get("id"): each for each in chunk.iter("component")}
     cameras = [each for each in chunk.iter("camera") if each.get("label")]
-    aligned = [each for each in cameras if each.find("transform") is not None and each.get("enabled") != "false"]
+    aligned = [each for each in cameras if each.find("transform") is not None and each.get("enabled") not in OFF]
     posed = [
         PosedPhoto(
             PurePosixPath(camera.get("label", "").replace("\\", "/")),
@@ -86,19 +91,26 @@ def _camera(
     sensor = sensors.get(camera.get("sensor_id"))
     calibration = _calibration(sensor)
     kind = "frame" if sensor is None else sensor.get("type", "frame")
-    if calibration is None or kind not in ("frame", "fisheye"):
-        raise DataError(f"{label} has a {kind} sensor without a calibration.", "Export undistorted photos.")
-    value = partial(_number, calibration, label)
-    f, is_fisheye = value("f"), kind == "fisheye"
-    if abs(value("b2")) * height / max(f, 1) > MOST_SKEW or value("p3") or value("p4"):
-        raise DataError(f"{label} has a skewed lens (b2, p3 or p4).", "Export undistorted photos.")
-    keys = {"k1": "k1", "k2": "k2", "k3": "k3", **({"k4": "k4"} if is_fisheye else {"p1": "p2", "p2": "p1"})}
-    distortion = opencv_distortion({key: value(own) for key, own in keys.items()}, is_fisheye)
     pose = _component(components.get(camera.get("component_id")), label) @ _matrix(camera, "transform", 16, label)
     pose[:3, 1:3] *= -1
     pose, _ = rigid_pose(pose, label, "transform")
-    center = width / 2 + value("cx"), height / 2 + value("cy")
-    return read_camera(label, width, height, f + value("b1"), f, *center, pose, distortion, is_fisheye)
+    if kind == "spherical":
+        return Panorama.of(label, width, height, pose)
+    if calibration is None or kind not in ("frame", *FISHEYE):
+        raise DataError(f"{label} has a {kind} sensor without a calibration.", "Export undistorted photos.")
+    value = partial(_number, calibration, label)
+    f, is_fisheye = value("f"), kind in FISHEYE
+    if abs(value("b2")) * height / max(f, 1) > MOST_SKEW or value("p3") or value("p4"):
+        raise DataError(f"{label} has a skewed lens (b2, p3 or p4).", "Export undistorted photos.")
+    cx, cy = width / 2 + value("cx"), height / 2 + value("cy")
+    k1, k2, k3, k4, p2, p1 = (value(name) for name in ("k1", "k2", "k3", "k4", "p1", "p2"))
+    if is_fisheye:
+        named = {"k1": k1, "k2": k2, "k3": k3, "k4": k4, "p1": p1, "p2": p2}
+        distortion = opencv_distortion(named, True, THIN_PRISM_KEYS)
+    else:
+        corner = corner_distance(width, height, cx, cy, f)
+        distortion = brown_distortion(label, (k1, k2, k3, k4), (p1, p2), corner)
+    return read_camera(label, width, height, f + value("b1"), f, cx, cy, pose, distortion, is_fisheye)
 
 
 def _calibration(sensor: ElementTree.Element | None) -> ElementTree.Element | None:

@@ -2,7 +2,7 @@
 
 Format (OpenSfM's documentation, "Reconstruction file format" and "Camera models"): poses are world to camera, an axis and
 angle in one vector and a translation, in axes x right, y down, z forward. Lengths on the image are relative to its longer
-side, from its center.
+side, from its center. Spherical cameras: see `Panorama`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import DataError
 from ..io.files import read_json
 from ..io.matching import find_entry
-from .camera import LARGEST_POSITION, Camera, read_camera
+from .camera import LARGEST_POSITION, Camera, Panorama, read_camera
 from .capture import Capture
 from .posed_photos import PosedPhoto, read_posed
 from .reader_utils import opencv_distortion, pose_of_opencv, rotation_of_vector
@@ -25,6 +25,7 @@ FILE = "reconstruction.json"
 FOLDERS = ("", "opensfm")
 PERSPECTIVE = ("perspective", "simple_radial", "radial", "brown")
 FISHEYE = ("fisheye", "fisheye_opencv")
+SPHERICAL = ("spherical", "equirectangular")
 
 
 def is_opensfm(path: Path) -> bool:
@@ -71,7 +72,10 @@ def _size(shot: Any, cameras: dict[str, Any]) -> tuple[int, int] | None:
 def _camera(label: str, shot: Any, cameras: dict[str, Any], width: int, height: int) -> Camera:
     try:
         lens = cameras[shot["camera"]]
-        kind, side = lens["projection_type"], max(width, height)
+        kind, side = lens.get("projection_type", "perspective"), max(width, height)
+        pose = _pose(label, shot)
+        if kind in SPHERICAL:
+            return Panorama.of(label, width, height, pose)
         if kind not in PERSPECTIVE + FISHEYE:
             raise DataError(f"{label} has a {kind} camera, which cannot be read.", "Export it with pinhole cameras.")
         fx = float(lens.get("focal_x", lens.get("focal"))) * side
@@ -79,10 +83,13 @@ def _camera(label: str, shot: Any, cameras: dict[str, Any], width: int, height: 
         cx, cy = (float(lens.get(name, 0)) * side + length / 2 for name, length in (("c_x", width), ("c_y", height)))
         keys = ("k1", "k2", "k3", "k4") if kind in FISHEYE else ("k1", "k2", "k3", "p1", "p2")
         distortion = opencv_distortion({key: float(lens.get(key, 0)) for key in keys}, kind in FISHEYE)
-        vector, translation = np.array(shot["rotation"], np.float64), np.array(shot["translation"], np.float64)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise DataError(f"{label} or its camera lacks a value ({error!r:.100}).", "Export it again.") from error
+    return read_camera(label, width, height, fx, fy, cx, cy, pose, distortion, kind in FISHEYE)
+
+
+def _pose(label: str, shot: dict[str, Any]) -> np.ndarray:
+    vector, translation = np.array(shot["rotation"], np.float64), np.array(shot["translation"], np.float64)
     if vector.shape != (3,) or translation.shape != (3,) or not np.abs([vector, translation]).max() <= LARGEST_POSITION:
         raise DataError(f"{label} has a pose that is not a rotation and position.", "Leave this photo out.")
-    pose = pose_of_opencv(rotation_of_vector(vector), translation)
-    return read_camera(label, width, height, fx, fy, cx, cy, pose, distortion, kind in FISHEYE)
+    return pose_of_opencv(rotation_of_vector(vector), translation)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import numpy as np
 
@@ -83,13 +82,14 @@ def read_record3d(path: Path, photos: bool) -> Capture:
         poses = np.array(content["poses"], np.float64).reshape(-1, 7)
         matrix = np.array(content["K"], np.float64).reshape(3, 3).T
         size = int(content["w"]), int(content["h"])
+        shared = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
+        lenses = np.array(content.get("perFrameIntrinsicCoeffs") or [shared] * len(poses), np.float64)
+        lenses = lenses.reshape(len(poses), 4)
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{file} lacks a value of the scan ({error!r:.100}).", AGAIN) from error
-    shared = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
-    lenses = content.get("perFrameIntrinsicCoeffs") or [shared] * len(poses)
     posed = [
         PosedPhoto(PurePosixPath(str(number)), partial(_record3d_camera, f"{file}, pose {number}", pose, lens), size)
-        for number, (pose, lens) in enumerate(zip(poses, lenses, strict=False))
+        for number, (pose, lens) in enumerate(zip(poses, lenses, strict=True))
     ]
     return read_posed(path, "record3d", posed, root, photos, [])
 
@@ -101,10 +101,10 @@ def _record3d_root(folder: Path) -> Path | None:
     return None
 
 
-def _record3d_camera(label: str, pose: np.ndarray, lens: Any, width: int, height: int) -> Camera:
+def _record3d_camera(label: str, pose: np.ndarray, lens: np.ndarray, width: int, height: int) -> Camera:
     x, y, z, w = pose[:4]
     if not np.isfinite(pose).all() or not pose[:4].any():
         raise DataError(f"{label} is not a rotation and position.", AGAIN)
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation_of_quaternion(w, x, y, z), pose[4:]
-    return read_camera(label, width, height, *map(float, lens[:4]), Z_UP @ matrix)
+    return read_camera(label, width, height, *lens.tolist(), Z_UP @ matrix)

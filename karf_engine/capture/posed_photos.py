@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -35,7 +36,7 @@ def read_posed(
 ) -> Capture:
     """Find the photos below `folder` and return the capture, or bare cameras without photos.
 
-    Missing and damaged photos are left out with a remark. Raises DataError if none can be read.
+    Missing and damaged photos are left out with a remark. Raises DataError if none can be read, or two have one name.
     """
     found = _find(source, folder, photos) if with_photos else [None] * len(photos)
     pairs = [(photo, file) for photo, file in zip(photos, found, strict=True) if file or not with_photos]
@@ -60,11 +61,19 @@ def read_posed(
 
 
 def _find(source: Path, folder: Path, photos: Sequence[PosedPhoto]) -> list[Path | None]:
-    """Return the file of each photo, all from the usual folder that has the most: first by paths, then by names alone."""
+    """Return the file of each photo, all from the usual folder that has the most: first by paths, then by unique names."""
     paths = [photo.path for photo in photos]
     flat = [PurePosixPath(path.name) for path in paths]
+    repeated = next((path for path, count in Counter(paths).items() if count > 1), None)
+    if repeated is not None:
+        raise DataError(
+            "{path} has several photos called {name}.",
+            "Give each photo a name of its own, and export the cameras again.",
+            path=source,
+            name=repeated,
+        )
     children = sorted(child.name for child in folder.iterdir() if child.is_dir() and child.name not in PHOTO_FOLDERS)
-    for wanted in (paths, flat):
+    for wanted in (paths, flat) if len(set(flat)) == len(flat) else (paths,):
         finders = [FileFinder(folder / name) for name in (*PHOTO_FOLDERS, *children)]
         counts = [sum(bool(finder.matches(path)) for path in wanted) for finder in finders]
         if any(counts):

@@ -16,9 +16,9 @@ from ..io.matching import is_photo
 from ..io.names import case_folded, file_name
 from .camera import LARGEST_POSITION, Camera, is_rigid
 from .capture import View
+from .distortion import FISHEYE_KEYS
 
 LENS_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
 UNIT_TOLERANCE = 1e-5  # deviation of a scale from 1 that single precision explains
 T = TypeVar("T")
 R = TypeVar("R")
@@ -93,10 +93,15 @@ def rotation_of_vector(vector: np.ndarray) -> np.ndarray:
     return rotation_of_quaternion(float(np.cos(angle / 2)), x, y, z)
 
 
-def opencv_distortion(coefficients: Mapping[str, float], fisheye: bool) -> tuple[float, ...]:
-    """Convert coefficients by OpenCV's names, 0 if absent, to the shortest equivalent `Camera.distortion`."""
-    values = [float(coefficients.get(key, 0.0)) for key in (FISHEYE_KEYS if fisheye else LENS_KEYS)]
-    lengths = (0, 4) if fisheye else (0, 4, 5, 8)
+def opencv_distortion(
+    coefficients: Mapping[str, float], fisheye: bool, fisheye_keys: tuple[str, ...] = FISHEYE_KEYS
+) -> tuple[float, ...]:
+    """Convert coefficients by OpenCV's names, 0 if absent, to the shortest equivalent `Camera.distortion`.
+
+    `fisheye_keys` are those of one of the fisheye models in the module `distortion`.
+    """
+    values = [float(coefficients.get(key, 0.0)) for key in (fisheye_keys if fisheye else LENS_KEYS)]
+    lengths = (0, 4, len(fisheye_keys)) if fisheye else (0, 4, 5, 8)
     return tuple(values[: next(length for length in lengths if not any(values[length:]))])
 
 

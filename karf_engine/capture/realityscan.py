@@ -1,16 +1,16 @@
 """Read cameras of RealityScan (RealityCapture): XMP files beside the photos, or a CSV of internal and external parameters.
 
-Format (RealityScan's "Camera geometry" and RealityCapture's "XMP camera math"): positions and rotations of world to camera
-with axes x right, y down, z forward in XMP; position, heading, pitch and roll in degrees in CSV. Focal lengths are for
-film 36 mm wide along the photo's longer side; the principal point is relative to that side (XMP) or film (CSV), from the
-center. Coefficients are k1..k4, t1, t2 of Brown's model on the plane at depth 1, k1 of the division model.
+Format (RealityScan's "Camera geometry", RealityCapture's "XMP camera math", and the export templates in the program's
+calibration.xml): positions and rotations of world to camera with axes x right, y down, z forward in XMP; position, heading
+(in newer versions yaw), pitch and roll in degrees in CSV. Focal lengths are for film 36 mm wide along the photo's longer
+side; the principal point is relative to that side, from the center. Coefficients are k1..k4, t1, t2 of Brown's model on the
+plane at depth 1, where t1 is OpenCV's p2 and t2 its p1, or k1 of the division model.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path, PurePosixPath
 
@@ -20,13 +20,15 @@ from ..errors import DataError
 from .camera import LARGEST_POSITION, Camera, read_camera
 from .capture import Capture
 from .posed_photos import PHOTO_FOLDERS, PosedPhoto, read_posed
-from .radial_lenses import division, fit_fisheye
-from .reader_utils import opencv_distortion, pose_of_opencv, read_text
+from .radial_lenses import brown_distortion, corner_distance, division, fit_fisheye
+from .reader_utils import pose_of_opencv, read_text
 
 FILM = 36.0  # millimeters of the longer side
 NAMESPACE = "capturingreality.com/ns/xcr"
 HEAD_BYTES = 4096
 COLUMNS = {"name", "x", "y", "alt", "heading", "pitch", "roll", "f"}
+NEW_COLUMNS = {"yaw": "heading", "f_35mm": "f", "px_norm": "px", "py_norm": "py"}  # of RealityScan 2: their older names
+MOST_SKEW = 1e-3  # of the pixels' aspect from 1, and of the skew
 AGAIN = "Export the cameras again."
 
 
@@ -56,7 +58,8 @@ def _is_csv(path: Path) -> bool:
 
 
 def _columns(line: str) -> list[str]:
-    return [name.strip().lstrip("#").lower() for name in line.split(",")]
+    names = (name.strip().lstrip("#").lower() for name in line.split(","))
+    return [NEW_COLUMNS.get(name, name) for name in names]
 
 
 def _is_xmp(path: Path) -> bool:
@@ -79,6 +82,9 @@ def _posed_by_csv(file: Path) -> list[PosedPhoto]:
     rows = [dict(zip(names, row, strict=False)) for row in csv.reader(lines) if row]
     if not rows:
         raise DataError(f"{file} holds no cameras.", AGAIN)
+    for number, row in enumerate(rows, 2):
+        if not row.get("name", "").strip():
+            raise DataError(f"{file}, line {number} names no photo.", AGAIN)
     return [
         PosedPhoto(
             PurePosixPath(row["name"].replace("\\", "/")), partial(_camera_of_row, f"{file}, line {number}", row)
@@ -98,7 +104,7 @@ def _camera_of_row(label: str, row: dict[str, str], width: int, height: int) -> 
     pose = np.eye(4)
     pose[:3, :3] = _turn(2, -heading) @ _turn(0, pitch) @ _turn(1, roll)
     pose[:3, 3] = number("x"), number("y"), number("alt")
-    center = number("px") / FILM, number("py") / FILM
+    center = number("px"), number("py")
     coefficients = [number(name) for name in ("k1", "k2", "k3", "k4", "t1", "t2")]
     return _camera(label, pose, number("f"), center, "brown", coefficients, width, height)
 
@@ -137,6 +143,8 @@ def _camera_of_xmp(file: Path, width: int, height: int) -> Camera:
     model = re.search(r"xcr:DistortionModel=\"(\w+)\"|xcr:DistortionModel>(\w+)<", text)
     kind = (model[1] or model[2]) if model else "perspective"
     coefficients = [*numbers("DistortionCoeficients", 1, [0.0]), *[0.0] * 6][:6]
+    if max(abs(numbers("Skew", 1, [0.0])[0]), abs(numbers("AspectRatio", 1, [1.0])[0] - 1)) > MOST_SKEW:
+        raise DataError(f"{file} has skewed or oblong pixels.", "Align with a distortion model without K.")
     pose = pose_of_opencv(rotation, -rotation @ position)
     return _camera(str(file), pose, focal, (u, v), kind, coefficients, width, height)
 
@@ -150,20 +158,11 @@ def _camera(
     k1, k2, k3, k4, t1, t2 = coefficients
     if not np.abs(pose).max() <= LARGEST_POSITION or not f > 0:
         raise DataError(f"{label} has no pose or focal length.", AGAIN)
-    distortion, is_fisheye = opencv_distortion({"k1": k1, "k2": k2, "k3": k3, "p1": t1, "p2": t2}, False), False
-    if any(coefficients) and (kind == "division" or k4):
-        if t1 or t2:
-            raise DataError(f"{label} has k4 and tangential distortion.", "Export with the distortion model Brown3.")
-        radial: Callable = division(k1) if kind == "division" else _brown(k1, k2, k3, k4)
-        corner = np.hypot(max(cx, width - cx), max(cy, height - cy)) / f
-        factor, distortion = fit_fisheye(radial, corner)
-        f, is_fisheye = factor * f, True
-    return read_camera(label, width, height, f, f, cx, cy, pose, distortion, is_fisheye)
-
-
-def _brown(*coefficients: float) -> Callable[[np.ndarray], np.ndarray]:
-    def distance(angles: np.ndarray) -> np.ndarray:
-        r = np.tan(angles)
-        return r * (1 + sum(k * r ** (2 * n + 2) for n, k in enumerate(coefficients)))
-
-    return distance
+    if kind not in ("perspective", "division") and not kind.startswith("brown"):
+        raise DataError(f"{label} has a lens of the model {kind}.", "Export with the distortion model Brown3.")
+    corner = corner_distance(width, height, cx, cy, f)
+    if kind == "division" and k1:
+        factor, distortion = fit_fisheye(label, division(k1), corner)
+        return read_camera(label, width, height, factor * f, factor * f, cx, cy, pose, distortion, True)
+    distortion = brown_distortion(label, (k1, k2, k3, k4), (t2, t1), corner)
+    return read_camera(label, width, height, f, f, cx, cy, pose, distortion)

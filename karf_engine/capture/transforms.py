@@ -2,7 +2,8 @@
 
 Formats: the Blender script of NeRF (Mildenhall et al. 2020), instant-ngp's docs/nerf_dataset_tips.md and nerfstudio's data
 conventions. All use OpenGL axes and pixel corners at integers, as `Camera`. k1..k6, p1, p2 are OpenCV's, of its fisheye
-model if `camera_model` or `is_fisheye` says so. nerfstudio's `applied_transform` is already applied to poses and points,
+model if `camera_model` or `is_fisheye` says so; fisheye lenses with a thin prism (see `distortion`) have COLMAP's names of
+their models, and k1..k6, p1, p2, s1..s4. nerfstudio's `applied_transform` is already applied to poses and points,
 so it is ignored, as are training settings. Our extension: `splat_file_path` names splats of another program in the world
 of the poses, and `splat_antialiased` is `CapturedSplats.is_antialiased`.
 
@@ -25,10 +26,10 @@ import numpy as np
 from ..errors import DataError
 from ..io.files import read_json, write_json
 from ..io.matching import FileFinder, find_entry, is_photo
-from .camera import LARGEST_SIDE, Camera, check_camera, read_camera
+from .camera import LARGEST_SIDE, Camera, Panorama, check_camera, read_camera
 from .capture import SPLITS, Capture, CapturedSplats, SparsePoints, View
+from .distortion import FISHEYE_KEYS, RAD_TAN_KEYS, THIN_PRISM_KEYS
 from .reader_utils import (
-    FISHEYE_KEYS,
     LENS_KEYS,
     at_size,
     exists,
@@ -43,7 +44,14 @@ from .sparse_points import read_points
 
 SYNTHETIC_FILES = {f"transforms_{split}.json": split for split in SPLITS}
 PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
-FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
+FISHEYE = {  # camera model: names of its coefficients
+    "OPENCV_FISHEYE": FISHEYE_KEYS,
+    "SIMPLE_RADIAL_FISHEYE": FISHEYE_KEYS,
+    "RADIAL_FISHEYE": FISHEYE_KEYS,
+    "THIN_PRISM_FISHEYE": THIN_PRISM_KEYS,
+    "RAD_TAN_THIN_PRISM_FISHEYE": RAD_TAN_KEYS,
+}
+PANORAMA = "EQUIRECTANGULAR"
 MOST_PARTS = 32  # trailing path components to try in searches for photos
 
 
@@ -225,16 +233,19 @@ def _read_frames(file: Path, split: str, skip: bool) -> tuple[list[_Frame], list
 
 def _camera(frame: _Frame, image: Path | None) -> tuple[Camera, list[str]]:
     """Return the camera of a frame at its photo's size (without one, the declared size), and notes on changes."""
-    fisheye = _is_fisheye(frame)
+    model = _camera_model(frame)
     declared = _declared_size(frame)
     size = photo_size(image, declared) if image else declared
     if size is None:
         raise DataError(f"{frame.label} declares no picture size.", "Write w and h into the file.")
     width, height = declared or size
-    fx, fy = _focal_lengths(frame, width, height)
     camera_to_world, pose_notes = _pose(frame)
+    if model == PANORAMA:
+        return Panorama.of(frame.label, *size, camera_to_world), pose_notes
+    fx, fy = _focal_lengths(frame, width, height)
     cx, cy = frame.number_or("cx", width / 2), frame.number_or("cy", height / 2)
-    lens = opencv_distortion({key: frame.number_or(key, 0.0) for key in LENS_KEYS}, fisheye)
+    fisheye, keys = model in FISHEYE, FISHEYE.get(model, LENS_KEYS)
+    lens = opencv_distortion({key: frame.number_or(key, 0.0) for key in keys}, fisheye, keys)
     hint = "Correct it in the file."
     camera = read_camera(frame.label, width, height, fx, fy, cx, cy, camera_to_world, lens, fisheye, hint=hint)
     camera, size_notes = at_size(camera, size)
@@ -245,14 +256,17 @@ def camera_from_json(fields: Any, source: str) -> Camera:
     """Read a bare camera from a frame with a size; `source` names it in messages. Raises DataError if it is damaged."""
     if not isinstance(fields, dict):
         raise DataError(f"{source} has a JSON {type(fields).__name__} for a camera.", "Give an object.")
-    return _camera(_Frame(Path(source), 0, (), {"file_path": "camera", **fields}, ""), None)[0]
+    camera = _camera(_Frame(Path(source), 0, (), {"file_path": "camera", **fields}, ""), None)[0]
+    if isinstance(camera, Panorama):
+        raise DataError(f"{source} has a {PANORAMA} camera.", "Give a perspective or fisheye one.")
+    return camera
 
 
-def _is_fisheye(frame: _Frame) -> bool:
-    model = frame.fields.get("camera_model") or ("OPENCV_FISHEYE" if frame.fields.get("is_fisheye") else "OPENCV")
-    if model not in PERSPECTIVE + FISHEYE:
+def _camera_model(frame: _Frame) -> str:
+    model = frame.fields.get("camera_model") or "OPENCV"
+    if model not in (*PERSPECTIVE, *FISHEYE, PANORAMA):
         raise DataError(f"{frame.label} has a {model!s:.200} camera, which cannot be read.", "Undistort the photos.")
-    return model in FISHEYE or bool(frame.fields.get("is_fisheye"))
+    return "OPENCV_FISHEYE" if frame.fields.get("is_fisheye") and model in PERSPECTIVE else model
 
 
 def _declared_size(frame: _Frame) -> tuple[int, int] | None:
@@ -362,9 +376,11 @@ def _frames_to_json(named: list[tuple[str, View]]) -> dict[str, Any]:
 
 def camera_to_json(camera: Camera) -> dict[str, Any]:
     """Convert a camera to a frame, which `camera_from_json` reads without loss."""
-    keys = FISHEYE_KEYS if camera.fisheye else LENS_KEYS
+    models = {len(keys): model for model, keys in reversed(FISHEYE.items())}
+    model = models.get(len(camera.distortion), "OPENCV_FISHEYE") if camera.fisheye else "OPENCV"
+    keys = FISHEYE.get(model, LENS_KEYS)
     return {
-        **({"camera_model": "OPENCV_FISHEYE"} if camera.fisheye else {}),
+        **({"camera_model": model} if camera.fisheye else {}),
         "w": camera.width,
         "h": camera.height,
         "fl_x": float(camera.fx),

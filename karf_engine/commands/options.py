@@ -12,11 +12,13 @@ from typing import Any, ClassVar
 
 from ..errors import BadRequest
 from ..export.frame_options import CONFIG, FrameFileOptions, FrameOptions, parse_size
+from ..io.arguments import check_choice
 from ..io.options import Options, option
 from ..project.settings import PRESETS
 
 MATCHING = ("auto", "exhaustive", "sequential")
 UP = ("auto", "x", "y", "z", "-x", "-y", "-z")
+FACES = ("front", "right", "back", "left", "up", "down")  # of a 360-degree photo, see `capture.panoramas`
 WITHOUT_PHOTOS = ("cameras", "views", "size", "up")  # options of importing splats
 RULES = ("becomes", "fewest", "added")
 Matrix4 = tuple[
@@ -88,6 +90,29 @@ class ImportSplatOptions(Options):
                 f"With photos, which are the views, the option {changed[0]!r} has no meaning.",
                 "Leave out one of the two.",
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PinholeOptions(Options):
+    """Make a capture of ordinary photos of one with 360-degree photos: the faces of the cube around each."""
+
+    command: ClassVar[str] = "pinhole"
+
+    capture: Path = option("capture with equirectangular photos and camera poses", positional=True, metavar="CAPTURE")
+    out: Path = option("the new capture's folder", metavar="DIR")
+    faces: str = option("which faces, separated by commas", ",".join(FACES), metavar="NAMES")
+    size: int | None = option(
+        "side of a face, pixels (default: a quarter of the photo's width)", None, metavar="N", minimum=16, maximum=16384
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.face_names():
+            check_choice("faces", name, FACES)
+
+    def face_names(self) -> tuple[str, ...]:
+        """Return the faces, each once."""
+        return tuple(dict.fromkeys(name.strip() for name in self.faces.split(",")))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -414,6 +439,7 @@ COMMANDS: dict[str, type[Options]] = {
     for kind in (
         PosesOptions,
         ImportSplatOptions,
+        PinholeOptions,
         InspectOptions,
         MarkOptions,
         LearnOptions,

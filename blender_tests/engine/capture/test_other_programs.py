@@ -68,7 +68,7 @@ def realityscan_lens(camera):
     side = max(camera.width, camera.height)
     center = (camera.cx - camera.width / 2) / side, (camera.cy - camera.height / 2) / side
     k1, k2, p1, p2, k3 = (*camera.distortion, 0, 0, 0, 0, 0)[:5]
-    return camera.fx / side * 36, center, (k1, k2, k3, 0, p1, p2)
+    return camera.fx / side * 36, center, (k1, k2, k3, 0, p2, p1)
 
 
 def write_xmp(folder, rig, as_elements=False):
@@ -101,7 +101,7 @@ def write_csv(folder, rig):
     for name, camera in zip(NAMES, rig, strict=True):
         heading, pitch, roll = Rotation.from_matrix(camera.camera_to_world[:3, :3]).as_euler("ZXY", degrees=True)
         focal, (u, v), coefficients = realityscan_lens(camera)
-        values = [*camera.position, -heading, pitch, roll, focal, 36 * u, 36 * v, *coefficients]
+        values = [*camera.position, -heading, pitch, roll, focal, u, v, *coefficients]
         lines.append(",".join([name, *map(repr, map(float, values))]))
     put(folder / "cameras.csv", "\n".join(lines).encode())
 
@@ -210,7 +210,7 @@ def test_photos_that_metashape_did_not_align_are_left_out(tmp_path):
 DAMAGES = [
     (write_metashape, "cameras.xml", lambda text: text[:300], "is no complete XML"),
     (write_metashape, "cameras.xml", lambda text: text.replace("transform", "t"), "holds no aligned cameras"),
-    (write_metashape, "cameras.xml", lambda text: text.replace('type="frame"', 'type="spherical"'), "spherical"),
+    (write_metashape, "cameras.xml", lambda text: text.replace('type="frame"', 'type="RPC"'), "RPC"),
     (write_csv, "cameras.csv", lambda text: text.splitlines()[0], "holds no cameras"),
     (write_opensfm, "opensfm/reconstruction.json", lambda text: "[]", "holds no reconstruction with shots"),
     (write_opensfm, "opensfm/reconstruction.json", lambda text: text.replace("brown", "dual"), "a dual camera"),
@@ -242,7 +242,7 @@ LENSES = {
 @pytest.mark.parametrize("name", LENSES)
 def test_radial_lenses_are_fisheye_lenses_to_a_fraction_of_a_pixel(name):
     distance, corner = LENSES[name]
-    factor, coefficients = fit_fisheye(distance, corner)
+    factor, coefficients = fit_fisheye("the lens", distance, corner)
     angles = np.linspace(0.01, np.pi / 2 * 0.9, 200)
     truth, found = distance(angles), factor * polynomial(coefficients)(angles)
     inside = truth <= corner

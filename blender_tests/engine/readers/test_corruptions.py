@@ -202,7 +202,7 @@ TABLE = {
         ("w = [8]", fields(w=[8])),
         ("declares 1e+30x", fields(w=1e30)),
         ("h = -6", fields(h=-6)),
-        ("EQUIRECTANGULAR", fields(camera_model="EQUIRECTANGULAR")),
+        ("360-degree photo of", fields(camera_model="EQUIRECTANGULAR")),
         ("FISHEYE624 camera", fields(camera_model="FISHEYE624")),
         ("['OPENCV'] camera", fields(camera_model=["OPENCV"])),
         ("k4 = 'none'", fields(k4="none")),
