@@ -230,6 +230,7 @@ def export_splat(
     objects: list[str] | tuple[str, ...] = (),
     solid: bool = False,
     attributes: bool = False,
+    spz_version: int = 3,
     matrix: Sequence[float] | None = None,
     threads: int | None = None,
     device: str | torch.device | None = None,

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import cv2
-import imageio.plugins.pillow  # now: imageio calls it missing where a later import runs out of memory
 import imageio.v3 as iio
 import numpy as np
 import OpenEXR
