@@ -20,9 +20,10 @@ class ReadCaptures:
 
 def path_of(scene: bpy.types.Scene) -> Path:
     """Return the path of the scene's capture; raise BadRequest if none was imported."""
-    if not scene.karf.capture:
+    place = folders.place_of(scene, "capture")
+    if place is None:
         raise BadRequest("The scene {name!r} has no capture.", "Import a capture first.", name=scene.name)
-    return folders.absolute(scene.karf.capture)
+    return place
 
 
 def of(scene: bpy.types.Scene) -> Capture:

@@ -11,6 +11,7 @@ from mathutils import Matrix
 from ..engine_api import BadRequest, Capture, DataError, SparsePoints, View
 from ..nodes import add, feed, shadeless_material
 from ..pictures import photos
+from ..project import folders
 from . import lens
 
 POINTS_NAME = "KaRF points"
@@ -82,7 +83,7 @@ def _camera(view: View, parent: bpy.types.Object, size: float, options: Options)
 
 def _set_background(data: bpy.types.Camera, photo: Path) -> None:
     try:
-        image = bpy.data.images.load(str(photo), check_existing=True)
+        image = bpy.data.images.load(folders.stored(photo), check_existing=True)
     except RuntimeError as error:
         raise DataError("{path} cannot be read as an image.", "Check the file.", path=photo) from error
     background = data.background_images.new()
@@ -116,12 +117,16 @@ def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
     )
 
 
-def add_undistorted_background(scene: bpy.types.Scene, view: View, folder: Path) -> None:
-    """Put the undistorted photo, kept in a folder, behind a camera that should have one. Raises DataError."""
+def lacks_background(scene: bpy.types.Scene, view: View) -> bool:
+    """Return whether a view's camera should have its photo behind it, and has none."""
     data = camera_of(scene, view.name).data
     is_wanted = data.show_background_images and not data.background_images
-    if is_wanted and view.image is not None and view.image.exists():
-        _set_background(data, photos.straightened(view, folder))
+    return is_wanted and view.image is not None and view.image.exists()
+
+
+def add_background(scene: bpy.types.Scene, view: str, photo: Path) -> None:
+    """Put a picture behind a view's camera. Raises DataError."""
+    _set_background(camera_of(scene, view).data, photo)
 
 
 # --- viewing through a camera --------------------------------------------------------------------------------------
