@@ -84,7 +84,7 @@ def straightened(view: View, folder: Path) -> Path:
 
 
 def _copy(view: View, folder: Path, purpose: object) -> Path:
-    made_from = repr((str(view.image), view.image.stat().st_mtime_ns, purpose))
+    made_from = repr((view.image.name, view.image.stat().st_mtime_ns, purpose))  # stays where the folder moves
     return checked_path(folder, f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png")
 
 

@@ -41,6 +41,11 @@ def view_of(scene: bpy.types.Scene, name: str = "") -> View:
     return of(scene).view(name or scene.karf.active_view)
 
 
+def left_out(scene: bpy.types.Scene) -> list[str]:
+    """Return the names of the views whose photos the user leaves out of learning."""
+    return [view.name for view in scene.karf.views if not view.is_learned]
+
+
 def forget() -> None:
     """Read captures again from disk next time."""
     session.get(ReadCaptures).by_path.clear()

@@ -25,26 +25,27 @@ def _own_scenes() -> list[bpy.types.Scene]:
 
 @session.handler("save_pre", phase=session.Phase.READ)
 def _before_save(*_):
-    # files of earlier versions have absolute paths; the first save of a file makes all paths relative by itself
+    # the first save of a file makes all paths relative by itself
     for scene in _own_scenes() if bpy.data.filepath else ():
         for image in _photos(scene):
-            if image.filepath and image.library is None and not image.filepath.startswith("//"):
+            if _is_absolute(image) and Path(image.filepath).is_absolute():  # not one of another system
                 image.filepath_raw = folders.stored(Path(image.filepath))  # the same file: nothing to read again
 
 
 @session.handler("load_post", phase=session.Phase.REPORT)
 def _after_load(*_):
+    # earlier versions saved absolute paths
     for scene in _own_scenes():
         capture = folders.place_of(scene, "capture")
-        lost = [] if capture is None or capture.exists() else [capture]
-        for image in _photos(scene):
-            path = Path(image.filepath)
-            if image.library is None and image.filepath[:2] not in ("", "//") and not path.exists():
-                found = _found_again(scene, image.filepath)
-                if found is None:
-                    lost.append(path)
-                else:
-                    image.filepath = folders.stored(found)
+        lost = [capture] if capture and not capture.exists() else []
+        project = folders.project_of(scene).folder
+        places = [capture.parent if capture.is_file() else capture, project] if capture else [project]
+        for image in filter(_is_absolute, _photos(scene)):
+            found = _own_file(image.filepath, places)
+            if found is None and not Path(image.filepath).exists():
+                lost.append(image.filepath)
+            elif found is not None and (stored := folders.stored(found)) != image.filepath:
+                image.filepath = stored
         if lost:
             progress.warn(
                 "Photos of the scene {name!r} are missing, such as {path}. Bring them back, or import the capture from "
@@ -54,12 +55,14 @@ def _after_load(*_):
             )
 
 
-def _found_again(scene: bpy.types.Scene, path: str) -> Path | None:
-    """Return the file in the scene's capture or project that an absolute path, perhaps of another system, ends like."""
+def _is_absolute(image: bpy.types.Image) -> bool:
+    return image.library is None and image.filepath[:2] not in ("", "//")
+
+
+def _own_file(path: str, places: list[Path]) -> Path | None:
+    """Return the file in the places that an absolute path, perhaps of another system, is or ends like."""
+    if any(place in Path(path).parents for place in places) and Path(path).is_file():
+        return Path(path)
     parts = re.split(r"[\\/]+", path)
-    for start in range(1, len(parts)):
-        for name in ("capture", "project"):
-            place = folders.place_of(scene, name)
-            if place is not None and (found := place.joinpath(*parts[start:])).is_file():
-                return found
-    return None
+    ends = (Path(*parts[start:]) for start in range(1, len(parts)))
+    return next((place / end for end in ends for place in places if (place / end).is_file()), None)

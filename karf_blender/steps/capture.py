@@ -167,7 +167,7 @@ def check_capture(scene: bpy.types.Scene, shows_map: bool = True) -> None:
         "capture": str(captures.path_of(scene)),
         "holdout": max(0, scene.karf.holdout),
         "masks": str(masks) if masks is not None and masks.is_dir() else None,
-        "without": [view.name for view in scene.karf.views if not view.is_learned],
+        "without": captures.left_out(scene),
     }
     queries.send(scene, "inspect", options, partial(_take_inspection, shows_map))
 

@@ -63,7 +63,7 @@ def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> 
         "overrides": list(overrides),
         "nerf": folders.text_of(scene, "nerf") or None,
         "holdout": scene.karf.holdout if scene.karf.holdout >= 0 else None,
-        "without": [view.name for view in scene.karf.views if not view.is_learned],
+        "without": captures.left_out(scene),
         "photo_space": scene.karf.photo_space or None,
         "ocio": folders.text_of(scene, "ocio") or None,
         "masks": folders.text_of(scene, "masks") or None,

@@ -10,7 +10,7 @@ import bpy
 from .. import session
 from ..host import windows
 from ..host.words import translatable
-from ..project import disk, folders
+from ..project import captures, disk, folders
 from ..project.disk import Contents
 from ..tasks import runner
 
@@ -77,7 +77,7 @@ def _why_stale(scene: bpy.types.Scene, step: str, known: Contents) -> str:
             return OTHER_NERF
         if not nerf and preset not in ("", scene.karf.preset):
             return OTHER_PRESET
-        if known.left_out != {view.name for view in scene.karf.views if not view.is_learned}:
+        if known.left_out != set(captures.left_out(scene)):
             return OTHER_PHOTOS
     if step == "segment" and "segmentation" in known.outdated:
         return OTHER_MARKS if "segmentation" in known.stages else OTHER_SCENE

@@ -122,7 +122,12 @@ STATES = {
     "imported": (
         "project_scene",
         lambda desk: None,
-        {"There are no sparse points to check the cameras with": 1},
+        {"There are no sparse points to check the cameras with": 1, "3 photos, all to learn": 1, "KARF_UL_views": 1},
+    ),
+    "left out": (
+        "project_scene",
+        lambda desk: desk.set(desk.karf.views[0], is_learned=False),
+        {"2 of 3 photos to learn": 1, "karf.leave_out_blurred": 1},
     ),
     "points": (
         "project_scene",

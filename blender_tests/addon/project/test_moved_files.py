@@ -1,5 +1,6 @@
 """A .blend that moves with its folder, or whose scene goes to another file, finds its photos, project and capture."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,16 @@ def test_photos_with_absolute_paths_of_another_machine_are_found_in_the_capture(
     scene = save_and_move(bpy, job, tmp_path / "moved")
     assert [absolute(bpy, image).parent for image in photos(addon, scene)] == [tmp_path / "moved/pots/images"] * 4
     assert not addon.progress.state().warnings
+
+
+def test_a_copy_of_the_folder_uses_its_own_photos(bpy, addon, job, tmp_path, relative_paths):
+    relative_paths(False)
+    make_absolute(bpy, addon)
+    bpy.ops.wm.save_mainfile()
+    relative_paths(True)
+    shutil.copytree(job, tmp_path / "copy")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "copy" / "shot.blend"))
+    assert {image.filepath[:7] for image in photos(addon, bpy.context.scene)} == {"//pots/"}
 
 
 def test_saving_makes_absolute_paths_of_photos_relative(bpy, addon, job, tmp_path):

@@ -78,6 +78,14 @@ def test_a_blurred_photo_is_named(cameras, photos, tmp_path):
     assert finding.values["names"] == "p_07" and "sharp" in finding
 
 
+def test_a_blurred_photo_is_named_to_the_query_until_it_is_left_out(cameras, photos, tmp_path):
+    blurred = [cv2.GaussianBlur(each, (0, 0), 2.0) if n == 7 else each for n, each in enumerate(photos)]
+    capture = str(write(tmp_path, cameras, blurred))
+    for without, named in (([], ["p_07"]), (["p_07"], [])):
+        answer = QUERIES["inspect"](Session(tmp_path), {"capture": capture, "without": without})
+        assert answer["blurred"] == named
+
+
 def test_a_darker_photo_and_a_warmer_one_are_named(cameras, photos, tmp_path):
     changed = list(photos)
     changed[3] = photos[3] * 0.75
