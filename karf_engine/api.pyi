@@ -61,6 +61,7 @@ def inspect_capture(
     *,
     masks: PathLike | None = None,
     holdout: int = 0,
+    without: list[str] | tuple[str, ...] = (),
     out: PathLike | None = None,
     threads: int | None = None,
     device: str | torch.device | None = None,

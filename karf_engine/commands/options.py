@@ -124,6 +124,9 @@ class InspectOptions(Options):
     capture: Path = option("folder or transforms.json with photos and camera poses", positional=True, metavar="CAPTURE")
     masks: Path | None = option("folder of rough masks, whose thin parts are told of", None, metavar="DIR")
     holdout: int = option("leave out every Nth photo, as for geometry", 0, metavar="N")
+    without: tuple[str, ...] = option(
+        "leave out these photos, by the names of their views, as for geometry; may be repeated", (), metavar="VIEW"
+    )
     out: Path | None = option("folder for inspection.json and more_photos.png", None, metavar="DIR")
 
 

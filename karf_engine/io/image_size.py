@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import io
 import struct
+import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
@@ -22,6 +23,7 @@ FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 TIFF_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
 MOST_PHOTO_BYTES = 2 << 30
 MOST_EXIF_BYTES = 1 << 16  # the largest JPEG segment
+MOST_PROFILE_BYTES = 4 << 20  # those of printers have some 2 MB
 # limits of decompression bombs: photographs and renderings need at least a bit for six pixels
 MOST_PIXELS = 400_000_000
 MOST_PIXELS_OF_SMALL = 32_000_000
@@ -59,6 +61,7 @@ class ImageHeader:
     deep: bool = False  # whether colors have more than 8 bits a channel
     premultiplied: bool = False  # whether colors are multiplied by alpha
     depth: int = 1  # bytes of a channel
+    profile: bytes = field(default=b"", repr=False)  # its ICC profile, read of PNG and JPEG alone
 
     @property
     def swaps_sides(self) -> bool:
@@ -170,21 +173,33 @@ def _header(head: bytes, stream: BinaryIO) -> ImageHeader | None:
 
 def _png_header(head: bytes, stream: BinaryIO) -> ImageHeader:
     width, height, bits, color = struct.unpack(">IIBB", head[16:26])
-    orientation = 1
+    orientation, profile = 1, b""
     stream.seek(8)
     while len(start := stream.read(8)) == 8:
         length, kind = struct.unpack(">I4s", start)
+        if kind == b"IDAT":
+            break
+        end = stream.tell() + length + 4
         if kind == b"eXIf":
             orientation = _exif_orientation(stream.read(min(length, MOST_EXIF_BYTES)))
-        if kind in (b"eXIf", b"IDAT"):
-            break
-        stream.seek(length + 4, io.SEEK_CUR)
-    return ImageHeader(width, height, orientation, "png", deep=bits > 8 and color != 0)  # color 0: gray
+        if kind == b"iCCP":
+            profile = _png_profile(stream.read(min(length, MOST_PROFILE_BYTES)))
+        stream.seek(end)
+    is_deep = bits > 8 and color != 0  # color 0: gray
+    return ImageHeader(width, height, orientation, "png", deep=is_deep, profile=profile)
+
+
+def _png_profile(chunk: bytes) -> bytes:
+    """Return the ICC profile of an iCCP chunk: a name, a zero, the method and the packed profile; empty if damaged."""
+    try:
+        return zlib.decompressobj().decompress(chunk.partition(b"\0")[2][1:], MOST_PROFILE_BYTES)
+    except zlib.error:
+        return b""
 
 
 def _jpeg_header(stream: BinaryIO) -> ImageHeader | None:
     stream.seek(2)
-    orientation = 1
+    orientation, profile = 1, b""
     while True:
         marker = _jpeg_marker(stream)
         if marker in (None, 0xD9, 0xDA):  # pixel data without a frame header
@@ -197,9 +212,11 @@ def _jpeg_header(stream: BinaryIO) -> ImageHeader | None:
         segment = stream.read(length - 2)
         if marker == 0xE1 and segment[:6] == b"Exif\0\0":
             orientation = _exif_orientation(segment[6:])
+        if marker == 0xE2 and segment[:12] == b"ICC_PROFILE\0":  # two bytes that number its parts follow
+            profile += segment[14:]
         if marker in FRAME_MARKERS:
             height, width = struct.unpack(">HH", segment[1:5])
-            return ImageHeader(width, height, orientation, "jpeg")
+            return ImageHeader(width, height, orientation, "jpeg", profile=profile)
 
 
 def _jpeg_marker(stream: BinaryIO) -> int | None:

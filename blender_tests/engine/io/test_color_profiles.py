@@ -13,6 +13,7 @@ from karf_engine.capture.capture import View
 from karf_engine.capture.training_images import load_views
 from karf_engine.io import icc
 from karf_engine.io.color import to_bytes
+from karf_engine.io.icc_matrix import SRGB_TO_XYZ
 from karf_engine.io.images import embedded_space, read_photo
 from karf_engine.metrics.images import mean_ciede2000
 from karf_engine.recolor.photos import open_photo, suffix_for, write_photo
@@ -107,7 +108,7 @@ def test_profiles_of_tables_are_left_to_littlecms(colors):
     "data",
     [
         ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes(),
-        profile("sRGB by another name", parametric(*SRGB_CURVE), icc.SRGB_TO_XYZ),
+        profile("sRGB by another name", parametric(*SRGB_CURVE), SRGB_TO_XYZ),
         b"",
         b"damaged",
         DISPLAY_P3[:300],
