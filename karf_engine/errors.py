@@ -21,6 +21,7 @@ MEMORY_MESSAGES = (
     "storage size calculation overflowed",
     "larger than the maximum possible size",
     "failed to map segment from shared object",  # the dynamic linker
+    "`pillow` plugin is not installed",  # imageio, where importing it runs out of memory
 )
 CONVERSIONS = {"": lambda value: value, "!r": repr, "!s": str}
 
