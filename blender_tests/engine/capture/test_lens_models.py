@@ -53,8 +53,9 @@ def write_model(folder, model, values):
     return parameters
 
 
+@pytest.mark.opens("capture", "COLMAP 4", "all other lenses", "FOV, division, EUCM, thin prism")
 @pytest.mark.parametrize(("model", "values", "most"), CASES)
-def test_photos_of_colmaps_lenses_show_points_where_colmap_projects_them(tmp_path, model, values, most):
+def test_every_colmap_lens_projects_as_colmap_does(tmp_path, model, values, most):
     pycolmap = pytest.importorskip("pycolmap")
     theirs = pycolmap.Camera(model=model, width=WIDTH, height=HEIGHT, params=write_model(tmp_path, model, values))
     camera = open_capture(tmp_path, photos=False).views[0].camera
@@ -83,7 +84,7 @@ DEGENERATE = [
 
 
 @pytest.mark.parametrize(("model", "values"), DEGENERATE)
-def test_lenses_that_cannot_be_are_refused_by_name(tmp_path, model, values):
+def test_degenerate_lenses_are_rejected_by_name(tmp_path, model, values):
     write_model(tmp_path, model, values)
     with pytest.raises(DataError, match=r"images\.txt, image 1 \('a\.png'\) has .*(lens|coefficient|focal)"):
         open_capture(tmp_path, photos=False)
@@ -95,7 +96,7 @@ def thin_prism_camera(model):
 
 
 @pytest.mark.parametrize("model", PRISMS)
-def test_thin_prisms_come_back_from_our_own_files(tmp_path, model):
+def test_thin_prism_lenses_round_trip_through_our_files(tmp_path, model):
     camera = thin_prism_camera(model)
     content = camera_to_json(camera)
     assert content["camera_model"] == model and camera_from_json(content, "it") == camera
@@ -104,7 +105,7 @@ def test_thin_prisms_come_back_from_our_own_files(tmp_path, model):
 
 
 @pytest.mark.parametrize("model", PRISMS)
-def test_undistorting_takes_thin_prisms_back(model):
+def test_undistortion_inverts_thin_prisms(model):
     camera = thin_prism_camera(model)
     pixels = camera.pixel_centers()[:: WIDTH * 50 + 37]
     assert_allclose(distort(camera, undistort_points(camera, pixels)), pixels, atol=1e-3)
@@ -113,7 +114,7 @@ def test_undistorting_takes_thin_prisms_back(model):
 @pytest.mark.parametrize(
     "coefficients", [(-0.2, 0.1, -0.05, 0.02), (0.1, -0.05, 0.02, -0.004), (0.05, 0.01, 0.02, 0.03)]
 )
-def test_browns_model_with_four_radial_terms_is_a_rational_one_to_a_fraction_of_a_pixel(coefficients):
+def test_four_radial_terms_fit_a_rational_model_within_a_fraction_of_a_pixel(coefficients):
     found = brown_distortion("the lens", coefficients, (0.002, -0.003), 0.9)
     camera = Camera(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2, np.eye(4), found)
     plane = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 21), np.linspace(-0.5, 0.5, 15)), -1).reshape(-1, 2)
@@ -127,13 +128,13 @@ def test_browns_model_with_four_radial_terms_is_a_rational_one_to_a_fraction_of_
     assert np.abs(distorted - expected)[inside].max() < 0.3
 
 
-def test_a_lens_with_few_terms_stays_opencvs():
+def test_lens_with_few_terms_stays_opencvs():
     for distance in (field_of_view(0.9), division(-0.1), unified(0.6, 1.1)):
         assert len(fit_fisheye("the lens", distance, 0.9)[1]) == 4
 
 
 # ----------------------------------------------------------------------------------------------------- other programs
-def test_metashapes_fisheye_with_tangential_terms_and_frame_with_k4(tmp_path):
+def test_metashape_tangential_fisheye_and_k4_are_read(tmp_path):
     calibration = "<f>2000</f><k1>0.03</k1><k2>-0.01</k2><k3>0.004</k3><k4>-0.001</k4><p1>-0.003</p1><p2>0.002</p2>"
     size = f'<resolution width="{WIDTH}" height="{HEIGHT}"/>'
     kinds = ("equidistant_fisheye", "fisheye", "frame")
@@ -166,7 +167,7 @@ def test_metashapes_fisheye_with_tangential_terms_and_frame_with_k4(tmp_path):
         (["1/a.png", "2/a.png"], "none of its 2 photos was found"),  # images/a.png is one of them only
     ],
 )
-def test_photos_of_one_name_are_not_confused(tmp_path, labels, words):
+def test_photos_with_equal_names_are_not_confused(tmp_path, labels, words):
     pose = " ".join(map(str, np.eye(4).ravel()))
     cameras = "".join(f'<camera sensor_id="0" label="{name}"><transform>{pose}</transform></camera>' for name in labels)
     sensor = '<sensor id="0"><calibration><f>200</f></calibration></sensor>'
@@ -177,7 +178,7 @@ def test_photos_of_one_name_are_not_confused(tmp_path, labels, words):
 
 
 @pytest.mark.parametrize("lenses", [[[200, 200, 150]], [["a", 200, 150, 100]], [[200, 200, 150, 100]] * 2])
-def test_lenses_of_record3d_that_are_not_four_numbers_for_each_photo_are_named(tmp_path, lenses):
+def test_malformed_record3d_lenses_are_named(tmp_path, lenses):
     content = {"w": 300, "h": 200, "K": [200, 0, 0, 0, 200, 0, 150, 100, 1], "poses": [[0, 0, 0, 1, 0, 0, 0]]}
     put_json(tmp_path / "metadata", content | {"perFrameIntrinsicCoeffs": lenses})
     put_photos(tmp_path / "rgb", ["0.png"], (300, 200))
@@ -185,7 +186,7 @@ def test_lenses_of_record3d_that_are_not_four_numbers_for_each_photo_are_named(t
         open_capture(tmp_path)
 
 
-def test_a_row_of_realityscan_without_a_photo_is_named(tmp_path):
+def test_realityscan_row_without_a_photo_is_named(tmp_path):
     put(tmp_path / "cameras.csv", b"x,y,alt,heading,pitch,roll,f,name\n0,0,0,0,0,0,24,a.png\n1,2\n")
     with pytest.raises(DataError, match=r"cameras\.csv, line 3 names no photo"):
         open_capture(tmp_path)
@@ -195,7 +196,7 @@ RS_HEADS = ["#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2", "#name
 
 
 @pytest.mark.parametrize("head", RS_HEADS)
-def test_realityscans_tables_have_normalized_principal_points_and_swapped_tangential_terms(tmp_path, head):
+def test_realityscan_tables_have_normalized_centers_and_swapped_tangential_terms(tmp_path, head):
     put(tmp_path / "cameras.csv", f"{head}\na.png,0,0,0,0,0,0,24,0.01,-0.02,0.1,0.02,0.003,0,0.004,0.005\n".encode())
     put_photos(tmp_path, ["a.png"], (300, 200))
     camera = open_capture(tmp_path).views[0].camera
@@ -212,7 +213,7 @@ def test_realityscans_tables_have_normalized_principal_points_and_swapped_tangen
         ('xcr:DistortionModel="division" xcr:DistortionCoeficients="1e6 0 0 0 0 0"', "lens"),
     ],
 )
-def test_realityscans_lenses_that_cannot_be_read_are_refused(tmp_path, attributes, words):
+def test_unreadable_realityscan_lenses_are_rejected(tmp_path, attributes, words):
     pose = 'xcr:Rotation="1 0 0 0 1 0 0 0 1" xcr:Position="0 0 0" xcr:FocalLength35mm="24"'
     text = f'<rdf:Description xmlns:xcr="http://www.capturingreality.com/ns/xcr/1.1#" {pose} {attributes}/>'
     put(tmp_path / "a.xmp", text.encode())

@@ -62,7 +62,7 @@ def test_every_photo_gets_its_own_pose(tmp_path, layout, on_disk):
 
 
 @pytest.mark.parametrize("layout", ["colmap", "transforms"])
-def test_an_exact_name_wins_over_similar_ones(tmp_path, layout):
+def test_exact_name_wins_over_similar_ones(tmp_path, layout):
     write_capture(tmp_path, layout, NAMES, [f"images/{name}" for name in NAMES])
     put_photos(tmp_path / "images", ["img_0.jpg", "IMG_0.png", "IMG_0.JPG"])
     assert sorted(view.image.name for view in open_capture(tmp_path).views) == NAMES
@@ -70,7 +70,7 @@ def test_an_exact_name_wins_over_similar_ones(tmp_path, layout):
 
 @pytest.mark.parametrize("layout", ["colmap", "transforms"])
 @pytest.mark.parametrize("similar", [("img_0.jpg", "Img_0.JPG"), ("IMG_0.png", "IMG_0.tif")])
-def test_two_similar_names_are_refused_by_name(tmp_path, layout, similar):
+def test_two_similar_names_are_rejected_by_name(tmp_path, layout, similar):
     write_capture(tmp_path, layout, NAMES, [f"images/{name}" for name in (*NAMES[1:], NAMES[1])])
     put_photos(tmp_path / "images", similar)
     with pytest.raises(DataError, match=f"IMG_0.jpg may be {min(similar)} or {max(similar)}. Remove or rename one"):
@@ -85,7 +85,7 @@ def test_photos_are_never_paired_by_order_alone(tmp_path):
 
 @pytest.mark.parametrize("layout", ["colmap", "transforms"])
 @pytest.mark.parametrize("suffix", [".HEIC", ".CR2", ".dng"])
-def test_the_jpeg_beside_a_heic_or_raw_photo_is_used(tmp_path, layout, suffix):
+def test_jpeg_beside_a_heic_or_raw_photo_is_used(tmp_path, layout, suffix):
     names = [name.replace(".jpg", suffix) for name in NAMES]
     write_capture(tmp_path, layout, names, [f"images/{name}" for name in NAMES])
     for name in names:
@@ -118,12 +118,12 @@ def test_names_of_model_files_may_have_another_case(tmp_path):
         ("_mask.png", ["_mask"]),
     ],
 )
-def test_a_mask_may_be_named_in_several_ways(name, stems):
+def test_mask_names_give_photo_names(name, stems):
     assert mask_stems(name) == stems
 
 
 @pytest.mark.parametrize("mask", ["IMG_2.png", "IMG_2.jpg.png", "img_2_MASK.png", "IMG_2.mask.webp", "m_002.png"])
-def test_a_mask_is_matched_with_its_photo(tmp_path, mask):
+def test_mask_finds_its_photo(tmp_path, mask):
     frames = frames_of([f"images/{name}" for name in NAMES], RIG)
     frames[2]["mask_path"] = "masks/m_002.png"
     put_json(tmp_path / "transforms.json", {"fl_x": 30.0, "frames": frames})
@@ -133,7 +133,7 @@ def test_a_mask_is_matched_with_its_photo(tmp_path, mask):
     assert [found.view.name for found in find_masks(tmp_path / "marks", open_capture(tmp_path))] == ["IMG_2"]
 
 
-def test_a_mask_goes_to_the_photo_that_it_names_most_closely(tmp_path):
+def test_mask_belongs_to_the_closest_photo_name(tmp_path):
     names = ["a.png", "a_mask.png", "b.png", "c.png", "d.png", "e.png"]
     write_capture(tmp_path, "transforms", names, [f"images/{name}" for name in names])
     (tmp_path / "marks" / "pot").mkdir(parents=True)

@@ -176,7 +176,7 @@ def rig_of(distortion, fisheye, has_one_focal):
 @pytest.mark.opens("capture", "Polycam", "raw data, `keyframes/`", "corrected cameras where there are some")
 @pytest.mark.opens("capture", "Record3D", "`metadata` and `rgb/`", "one lens, or one for each photo")
 @pytest.mark.parametrize(("write", "name", "place", "photos", "distortion", "fisheye"), CASES)
-def test_cameras_come_back(tmp_path, write, name, place, photos, distortion, fisheye):
+def test_cameras_round_trip(tmp_path, write, name, place, photos, distortion, fisheye):
     rig = rig_of(distortion, fisheye, name == "realityscan")
     put_photos(tmp_path / place, photos, rig)
     write(tmp_path, rig)
@@ -191,7 +191,7 @@ def test_cameras_come_back(tmp_path, write, name, place, photos, distortion, fis
 
 
 @pytest.mark.parametrize(("write", "name", "place", "photos", "lenses"), PROGRAMS)
-def test_a_missing_photo_is_left_out(tmp_path, write, name, place, photos, lenses):
+def test_missing_photo_is_left_out(tmp_path, write, name, place, photos, lenses):
     rig = rig_of((), False, name == "realityscan")
     put_photos(tmp_path / place, photos[1:], rig[1:])
     write(tmp_path, rig)
@@ -200,7 +200,7 @@ def test_a_missing_photo_is_left_out(tmp_path, write, name, place, photos, lense
     assert any("1 of 5 photos are missing and were skipped" in text for text in capture.warnings)
 
 
-def test_photos_that_metashape_did_not_align_are_left_out(tmp_path):
+def test_photos_not_aligned_by_metashape_are_left_out(tmp_path):
     rig = rig_of((), False, False)
     put_photos(tmp_path, NAMES, rig)
     write_metashape(tmp_path, rig)

@@ -99,6 +99,9 @@ def psnr_away_from_edges(found, expected):
     return -10 * np.log10(np.mean((found - expected)[is_flat] ** 2))
 
 
+@pytest.mark.opens(
+    "capture", "COLMAP, Metashape, OpenSfM, nerfstudio", "360-degree photos", "converted by `karf pinhole`"
+)
 @pytest.mark.parametrize("write", PROGRAMS)
 def test_faces_are_pinhole_photos_of_the_same_scene(tmp_path, picture, write):
     write(tmp_path / "360")
@@ -113,7 +116,7 @@ def test_faces_are_pinhole_photos_of_the_same_scene(tmp_path, picture, write):
         assert np.abs(read_photo(view.image) - expected).mean() < 0.01
 
 
-def test_the_tests_own_projection_is_colmaps():
+def test_reference_projection_equals_colmaps():
     pycolmap = pytest.importorskip("pycolmap")
     camera = pycolmap.Camera(model="EQUIRECTANGULAR", width=WIDTH, height=HEIGHT, params=[WIDTH, HEIGHT])
     pixels = np.random.default_rng(0).uniform([0, 0], [WIDTH, HEIGHT], (200, 2))
@@ -135,7 +138,7 @@ def test_small_and_large_faces_are_averaged_and_interpolated(tmp_path, picture, 
 
 
 @pytest.mark.parametrize("write", PROGRAMS)
-def test_opening_them_directly_names_the_command(tmp_path, picture, write):
+def test_direct_opening_names_the_command(tmp_path, picture, write):
     write(tmp_path)
     write_png(tmp_path / "images" / "pano.png", picture)
     with pytest.raises(DataError, match=r'are 360-degree photos.* karf pinhole ".*" --out'):
@@ -153,14 +156,14 @@ def put_mixed(folder, picture):
     write_png(folder / "images" / "plain.png", np.zeros((48, 64, 3)))
 
 
-def test_among_other_photos_they_are_left_out_with_a_remark(tmp_path, picture):
+def test_panoramas_among_other_photos_are_left_out(tmp_path, picture):
     put_mixed(tmp_path, picture)
     capture = open_capture(tmp_path)
     assert [view.name for view in capture.views] == ["plain"]
     assert any("1 of 2 photos were left out" in remark and "karf pinhole" in remark for remark in capture.warnings)
 
 
-def test_other_photos_and_the_split_stay(tmp_path, picture):
+def test_other_photos_and_splits_are_kept(tmp_path, picture):
     put_mixed(tmp_path / "360", picture)
     karf.convert_panoramas(tmp_path / "360", tmp_path / "out", faces="front")
     front, plain = open_capture(tmp_path / "out").views
@@ -174,7 +177,7 @@ def save_jpeg(path, colors, profile):
     Image.fromarray(colors[::-1, ::-1]).save(path, quality=95, exif=exif, icc_profile=profile, xmp=GPANO)
 
 
-def test_jpeg_stays_jpeg_upright_with_its_profile(tmp_path, picture):
+def test_jpeg_stays_upright_jpeg_with_its_profile(tmp_path, picture):
     from PIL import ImageCms
 
     profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
@@ -187,7 +190,7 @@ def test_jpeg_stays_jpeg_upright_with_its_profile(tmp_path, picture):
     assert psnr_away_from_edges(read_photo(view.image), still_life.take_photo(view.camera, sky=True).color) > 35
 
 
-def test_sixteen_bits_stay(tmp_path, picture):
+def test_sixteen_bits_are_kept(tmp_path, picture):
     import cv2
 
     write_nerfstudio(tmp_path / "360")
@@ -199,7 +202,7 @@ def test_sixteen_bits_stay(tmp_path, picture):
 
 
 @pytest.mark.parametrize("shape", [(100, 512), (256, 256)])
-def test_a_photo_of_a_part_of_the_sphere_is_refused(tmp_path, shape):
+def test_partial_panorama_is_rejected(tmp_path, shape):
     write_nerfstudio(tmp_path)
     write_png(tmp_path / "images" / "pano.png", np.zeros((*shape, 3)))
     with pytest.raises(DataError, match=r"pano.png.*not of the whole sphere"):
@@ -207,7 +210,7 @@ def test_a_photo_of_a_part_of_the_sphere_is_refused(tmp_path, shape):
     assert not (tmp_path / "out").exists()
 
 
-def test_faces_that_there_are_not_and_captures_without_panoramas_are_refused(tmp_path):
+def test_unknown_faces_and_captures_without_panoramas_are_rejected(tmp_path):
     with pytest.raises(BadRequest, match="top"):
         karf.convert_panoramas(tmp_path, tmp_path / "out", faces="front,top")
     write_nerfstudio(tmp_path, camera_model="OPENCV")
@@ -216,7 +219,7 @@ def test_faces_that_there_are_not_and_captures_without_panoramas_are_refused(tmp
         karf.convert_panoramas(tmp_path, tmp_path / "out")
 
 
-def test_a_bare_camera_is_no_panorama():
+def test_bare_panorama_camera_is_rejected():
     fields = {"camera_model": "EQUIRECTANGULAR", "w": WIDTH, "h": HEIGHT, "transform_matrix": POSE.tolist()}
     with pytest.raises(DataError, match="EQUIRECTANGULAR"):
         camera_from_json(json.loads(json.dumps(fields)), "the camera")

@@ -20,14 +20,14 @@ def capture(tmp_path):
     return open_capture(tmp_path, holdout=3)
 
 
-def test_photos_left_out_are_neither_learned_from_nor_tested_with(capture):
+def test_left_out_photos_are_neither_learned_nor_tested(capture):
     found = leave_out(capture, ["0", "1"])
     assert [view.split for view in found.views] == ["val", "val", "train", "test", "train", "train"]
     with pytest.raises(DataError, match="has no view 'nothing'"):
         leave_out(capture, ["nothing"])
 
 
-def test_removed_views_take_their_observations_along(capture):
+def test_removed_views_lose_their_observations(capture):
     found = without_views(capture, ["1", "4"])
     assert [view.name for view in found.views] == ["0", "2", "3", "5"]
     for new, old in enumerate((0, 2, 3, 5)):
@@ -54,7 +54,7 @@ def test_damaged_photos_are_left_out_with_a_warning(capture, damaged):
     assert kind == "warning" and sentence.startswith(f"{len(damaged)} of 6 photos were left out: ")
 
 
-def test_a_capture_without_any_readable_photo_is_an_error(capture):
+def test_capture_without_readable_photos_is_rejected(capture):
     for view in capture.views:
         put(view.image, view.image.read_bytes()[:40])
     job = SimpleNamespace(settings=SimpleNamespace(geometry=SimpleNamespace(long_side=8)))

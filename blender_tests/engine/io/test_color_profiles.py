@@ -184,7 +184,7 @@ def test_gray_and_cmyk_photos_become_srgb(mode, tmp_path):
 
 @pytest.mark.parametrize("target", [(0.188, 0.349, 0.722), (0.71, 0.188, 0.173), (1.0, 0.416, 0.0)])
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
-def test_a_target_color_is_what_a_managed_viewer_shows(name, target, tmp_path):
+def test_target_color_is_shown_by_a_managed_viewer(name, target, tmp_path):
     Image.fromarray(np.full((4, 4, 3), (180, 90, 70), np.uint8)).save(tmp_path / name, icc_profile=DISPLAY_P3)
     photo = open_photo(tmp_path / name).copy()
     photo.change(slice(None), slice(None), np.array(target) - photo.colors())
@@ -196,7 +196,7 @@ def test_a_target_color_is_what_a_managed_viewer_shows(name, target, tmp_path):
     assert mean_ciede2000(shown[:1, :1], np.array([[target]])) < 0.3
 
 
-def test_pixels_that_no_edit_changes_keep_their_bits(tmp_path, colors):
+def test_unedited_pixels_keep_their_bits(tmp_path, colors):
     Image.fromarray(to_bytes(colors)).save(tmp_path / "a.png", icc_profile=DISPLAY_P3)
     photo = open_photo(tmp_path / "a.png").copy()
     change = np.zeros((40, 50, 3))

@@ -27,7 +27,7 @@ def turn_heic(path):
     path.write_bytes(content[:at] + turn + content[at + size :])
 
 
-def test_a_turned_heic_photo_has_the_size_of_its_pixels(pixels, tmp_path):
+def test_rotated_heic_photo_has_the_size_of_its_pixels(pixels, tmp_path):
     Image.fromarray(pixels).save(tmp_path / "a.heic", quality=95)
     turn_heic(tmp_path / "a.heic")
     assert find_header(tmp_path / "a.heic").display_size == (120, 160)
@@ -68,7 +68,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_what_is_no_photo_is_called_by_its_kind(name, tmp_path):
+def test_other_files_are_rejected_by_kind(name, tmp_path):
     content, words = KINDS[name]
     (tmp_path / name).write_bytes(content + bytes(60))
     with pytest.raises(DataError, match=f"{name}.*{words}"):
