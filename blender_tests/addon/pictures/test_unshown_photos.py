@@ -45,7 +45,7 @@ def add_profile(path, icc):
 
 
 @pytest.mark.parametrize(("matrix", "is_converted"), [(DISPLAY_P3, True), (SRGB, False)])
-def test_a_photo_of_another_profile_is_shown_in_srgb(bpy, addon, scene, capture_folder, tmp_path, matrix, is_converted):
+def test_photo_with_a_profile_is_shown_in_srgb(bpy, addon, scene, capture_folder, tmp_path, matrix, is_converted):
     photo = capture_folder / "images" / "photo_0.png"
     stored = addon.images.read_picture(photo)
     add_profile(photo, profile(matrix))
@@ -82,7 +82,7 @@ def phone_capture(addon, tmp_path):
     return capture_folder
 
 
-def test_a_photo_that_blender_cannot_read_is_copied_once_by_the_engine(bpy, addon, scene, phone_capture, tmp_path):
+def test_unreadable_photo_is_copied_once_by_the_engine(bpy, addon, scene, phone_capture, tmp_path):
     capture = addon.steps.import_capture(scene, phone_capture, tmp_path / "project")
     assert not capture.warnings
     (background,) = scene.camera.data.background_images
@@ -96,7 +96,7 @@ def test_a_photo_that_blender_cannot_read_is_copied_once_by_the_engine(bpy, addo
     assert sorted((tmp_path / "project" / "photos").iterdir()) == copies
 
 
-def test_without_an_engine_the_capture_is_imported_and_a_sentence_says_what_is_not_shown(
+def test_import_without_an_engine_names_photos_that_are_not_shown(
     bpy, addon, scene, phone_capture, tmp_path, monkeypatch
 ):
     monkeypatch.delenv("KARF_ENGINE_PYTHON")

@@ -54,7 +54,7 @@ def save_and_move(bpy, job, target):
     return bpy.context.scene
 
 
-def test_a_file_moved_with_its_folder_finds_everything(bpy, addon, job, tmp_path):
+def test_file_moved_with_its_folder_finds_everything(bpy, addon, job, tmp_path):
     assert {image.filepath[:2] for image in photos(addon, bpy.context.scene)} == {"//"}
     scene = save_and_move(bpy, job, tmp_path / "moved")
     assert [absolute(bpy, image).parent for image in photos(addon, scene)] == [tmp_path / "moved/pots/images"] * 4
@@ -66,9 +66,7 @@ def test_a_file_moved_with_its_folder_finds_everything(bpy, addon, job, tmp_path
 
 
 @pytest.mark.parametrize("old", ["/home/ann/job/pots/images/", r"C:\Users\ann\job\pots\images" + "\\"])
-def test_photos_with_absolute_paths_of_another_machine_are_found_in_the_capture(
-    bpy, addon, job, tmp_path, relative_paths, old
-):
+def test_absolute_paths_of_another_machine_are_found_in_the_capture(bpy, addon, job, tmp_path, relative_paths, old):
     relative_paths(False)  # else the save would make them relative
     for image in photos(addon, bpy.context.scene):
         image.filepath_raw = old + Path(image.filepath).name
@@ -77,7 +75,7 @@ def test_photos_with_absolute_paths_of_another_machine_are_found_in_the_capture(
     assert not addon.progress.state().warnings
 
 
-def test_a_copy_of_the_folder_uses_its_own_photos(bpy, addon, job, tmp_path, relative_paths):
+def test_copied_folder_uses_its_own_photos(bpy, addon, job, tmp_path, relative_paths):
     relative_paths(False)
     make_absolute(bpy, addon)
     bpy.ops.wm.save_mainfile()
@@ -93,7 +91,7 @@ def test_saving_makes_absolute_paths_of_photos_relative(bpy, addon, job, tmp_pat
     assert {image.filepath[:7] for image in photos(addon, scene)} == {"//pots/"}
 
 
-def test_who_prefers_absolute_paths_gets_them_and_keeps_relative_ones(bpy, addon, job, tmp_path, relative_paths):
+def test_relative_paths_preference_is_respected(bpy, addon, job, tmp_path, relative_paths):
     relative_paths(False)
     bpy.ops.wm.save_mainfile()
     scene = bpy.context.scene
@@ -106,7 +104,7 @@ def test_who_prefers_absolute_paths_gets_them_and_keeps_relative_ones(bpy, addon
     assert photos(addon, scene)[0].filepath == str(job / "pots/images/photo_0.png")
 
 
-def test_missing_photos_are_reported_when_the_file_is_opened(bpy, addon, job, tmp_path):
+def test_missing_photos_are_reported_on_load(bpy, addon, job, tmp_path):
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.read_homefile(use_empty=True)
     (job / "pots").rename(tmp_path / "elsewhere")
@@ -115,7 +113,7 @@ def test_missing_photos_are_reported_when_the_file_is_opened(bpy, addon, job, tm
 
 
 @pytest.mark.parametrize("is_linked", [True, False])
-def test_a_linked_or_appended_scene_finds_everything(bpy, addon, job, tmp_path, is_linked):
+def test_linked_or_appended_scene_finds_everything(bpy, addon, job, tmp_path, is_linked):
     if not is_linked and not hasattr(bpy.app.handlers, "blend_import_post"):
         pytest.skip("this Blender does not tell where a scene comes from")
     save_and_move(bpy, job, tmp_path / "moved")

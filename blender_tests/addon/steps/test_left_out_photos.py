@@ -11,14 +11,14 @@ def wanted(addon, scene):
     return addon.steps.learn_scene(scene).requests[0].options["without"]
 
 
-def test_all_photos_are_learned_from_until_one_is_unchecked(bpy, addon, project_scene, reopen):
+def test_unchecked_photo_is_left_out(bpy, addon, project_scene, reopen):
     assert left_out(project_scene) == wanted(addon, project_scene) == []
     project_scene.karf.views["photo_2"].is_learned = False
     assert wanted(addon, project_scene) == ["photo_2"]
     assert wanted(addon, reopen()) == ["photo_2"]
 
 
-def test_blurred_photos_are_left_out_when_the_capture_was_checked_and_undo_brings_them_back(bpy, addon, project_scene):
+def test_leave_out_blurred_needs_a_check_and_can_be_undone(bpy, addon, project_scene):
     assert not bpy.ops.karf.leave_out_blurred.poll()
     with pytest.raises(addon.engine_api.BadRequest, match="Check the capture first"):
         addon.steps.leave_out_blurred(project_scene)
@@ -39,9 +39,7 @@ def test_left_out_photos_are_not_checked(addon, project_scene, monkeypatch):
     assert asked == [["photo_0"]]
 
 
-def test_a_project_learned_without_photos_shows_their_boxes_unchecked(
-    bpy, addon, project_scene, capture_folder, tmp_path
-):
+def test_learned_project_shows_left_out_photos_unchecked(bpy, addon, project_scene, capture_folder, tmp_path):
     project_scene.karf.views["photo_1"].is_learned = False
     addon.steps.learn_scene(project_scene).wait()
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -54,7 +52,7 @@ def test_a_project_learned_without_photos_shows_their_boxes_unchecked(
     assert left_out(scene) == ["photo_1"]
 
 
-def test_a_choice_survives_the_next_import_and_makes_the_learned_scene_stale(addon, project_scene, capture_folder):
+def test_choice_survives_import_and_outdates_the_scene(addon, project_scene, capture_folder):
     addon.steps.learn_scene(project_scene).wait()
     assert addon.states.state_of(project_scene, "learn").kind == addon.states.DONE
     project_scene.karf.views["photo_1"].is_learned = False
@@ -63,7 +61,7 @@ def test_a_choice_survives_the_next_import_and_makes_the_learned_scene_stale(add
     assert "other photos" in addon.states.state_of(project_scene, "learn").reason
 
 
-def test_a_click_in_the_list_shows_the_photo(project_scene):
+def test_click_in_the_list_shows_the_photo(project_scene):
     karf = project_scene.karf
     karf.active_number = 2
     assert karf.active_view == "photo_2" and karf.active_number == 2

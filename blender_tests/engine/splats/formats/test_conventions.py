@@ -73,7 +73,7 @@ def test_spz_without_a_declaration_is_right_up_back(tmp_path):
 @pytest.mark.parametrize(
     ("record", "words"), [(axes_record(17), "declares the axes 17"), (axes_record(4)[:10], "unpack_from")]
 )
-def test_unknown_axes_of_spz_are_refused(record, words, tmp_path):
+def test_unknown_axes_of_spz_are_rejected(record, words, tmp_path):
     spz(tmp_path / "cloud.spz", 3, record)
     assert_rejected(tmp_path / "cloud.spz", words)
 
@@ -117,7 +117,7 @@ def in_space(path, space, place):
 
 @pytest.mark.parametrize("place", ["prim", "above", "colors", "no schema"])
 @pytest.mark.parametrize("space", ["lin_rec709_scene", "lin_ap1_scene", "g22_rec709_scene", "srgb_p3d65_scene"])
-def test_usd_in_other_colors_than_srgb_is_refused(space, place, tmp_path):
+def test_usd_in_other_colors_than_srgb_is_rejected(space, place, tmp_path):
     path = write_sample(tmp_path, ".usda")
     in_space(path, space, place)
     assert_rejected(path, f"color space '{space}'; sRGB is read")
@@ -131,7 +131,7 @@ def test_usd_that_declares_srgb_is_read(space, tmp_path):
     assert np.array_equal(arrays_of(path)["table"], before)
 
 
-def test_the_colors_own_space_counts_more_than_the_prims(tmp_path):
+def test_color_space_of_the_colors_overrides_the_prims(tmp_path):
     path = write_sample(tmp_path, ".usda")
     in_space(path, "lin_rec709_scene", "prim")
     in_space(path, "srgb_rec709_scene", "colors")

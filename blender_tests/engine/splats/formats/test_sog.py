@@ -30,7 +30,7 @@ def too_far(found, table):
 
 
 @pytest.mark.parametrize("degree", range(4))
-def test_sog_is_read_as_it_was_written(degree, tmp_path):
+def test_sog_round_trips(degree, tmp_path):
     table = unit_cloud(700, degree)
     found = arrays_of(written(tmp_path / "cloud.sog", table, True))
     assert too_far(found["table"], table) == {} and found["is_antialiased"].tolist() == [True]

@@ -35,7 +35,7 @@ def found_in(path):
 @pytest.mark.parametrize("end", [".ply", ".glb", ".usda"])
 @pytest.mark.parametrize(("group", "value"), FAULTS)
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_rows_that_are_no_gaussians_are_skipped(end, group, value, tmp_path):
+def test_unusable_rows_are_skipped(end, group, value, tmp_path):
     table = TABLE.copy()
     table[[0, 13], GROUPS[group]] = value
     found, n_skipped = found_in(files.write_sample(tmp_path, end, table))
@@ -73,7 +73,7 @@ def test_compressed_ply_skips_the_rows_of_a_damaged_chunk(tmp_path):
     assert n_skipped == 256 and np.array_equal(found, np.delete(whole, slice(256, 512), 0))
 
 
-def test_sog_skips_rows_of_a_code_that_is_no_number(tmp_path):
+def test_sog_skips_rows_with_a_nan_code(tmp_path):
     files.require_package(".sog")
     path = tmp_path / "cloud.sog"
     files.write_sog(path, TABLE)
@@ -91,7 +91,7 @@ def test_sog_skips_rows_of_a_code_that_is_no_number(tmp_path):
     assert n_skipped == np.sum(~is_kept) > 0 and np.array_equal(found, whole[is_kept])
 
 
-def test_the_count_comes_out_of_the_child_process_with_a_sentence(tmp_path):
+def test_skipped_rows_are_counted_across_processes(tmp_path):
     table = TABLE.copy()
     table[[2, 7], 0] = np.nan
     path = files.write_sample(tmp_path, ".gltf", table)
@@ -101,7 +101,7 @@ def test_the_count_comes_out_of_the_child_process_with_a_sentence(tmp_path):
     assert SplatFile(TABLE).remark(path) is None
 
 
-def test_a_ply_keeps_its_skipped_rows_byte_by_byte(tmp_path):
+def test_ply_keeps_skipped_rows_byte_by_byte(tmp_path):
     path, out = tmp_path / "cloud.ply", tmp_path / "out.ply"
     table = TABLE.copy()
     table[[2, 19], 0], table[5, 6:10], table[7, 11] = np.nan, 0, np.inf
@@ -121,7 +121,7 @@ def test_a_ply_keeps_its_skipped_rows_byte_by_byte(tmp_path):
     np.testing.assert_array_equal(after["f_dc_0"][kept], changed[:, 11])
 
 
-def test_packed_kinds_are_written_without_skipped_rows(tmp_path):
+def test_packed_formats_are_written_without_skipped_rows(tmp_path):
     files.require_package(".compressed.ply")
     table = TABLE.copy()
     table[3, 0] = np.nan
