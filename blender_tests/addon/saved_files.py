@@ -10,7 +10,7 @@ import numpy as np
 
 DATA = Path(__file__).parent / "data"
 FRAMES = (1, 4, 11)
-# not stored in the file, or a pointer to data that is compared otherwise
+# not stored in the file, or a pointer to data compared elsewhere
 LEFT_OUT = {"rna_type", "project", "capture", "masks", "out", "frames"}
 
 

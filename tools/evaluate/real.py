@@ -9,12 +9,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import imageio.v3 as iio
 import numpy as np
 
 import karf_engine as karf
 from karf_engine.capture.training_images import load_views
-from karf_engine.io.images import alpha_composite
+from karf_engine.io.images import alpha_composite, read_mask
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
 
@@ -82,9 +81,9 @@ def iou_of_masks(project: Path, masks: Path, out: Path, threads: int) -> float:
     for image in load_views(model.capture.split("test"), model.settings.geometry.long_side):
         frame = model_of(model, "field").render(image.camera)
         for number, name in enumerate(model.objects):
-            mask = iio.imread(masks / name / f"{image.view.stem}.png")
+            mask = read_mask(masks / name / f"{image.view.stem}.png")
             rows, columns = (
                 np.arange(n) * m // n for n, m in zip(frame.masks[number].shape, mask.shape[:2], strict=True)
             )
-            found.append(iou(frame.masks[number], mask[np.ix_(rows, columns)] > 127))
+            found.append(iou(frame.masks[number], mask[np.ix_(rows, columns)]))
     return 100 * float(np.mean(found))

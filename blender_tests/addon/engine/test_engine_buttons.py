@@ -87,7 +87,7 @@ def test_engine_python_is_found_in_order_of_precedence(bpy, addon, preferences, 
 @pytest.mark.filterwarnings("ignore:.*blend relative")
 @pytest.mark.parametrize("path", ["//python", "python", "./python", "tools/python"])
 def test_relative_python_path_is_rejected(bpy, addon, preferences, tmp_path, monkeypatch, path):
-    """Any program may lie beside a stranger's .blend file."""
+    """A stranger's .blend file may come with any program beside it."""
     (tmp_path / "python").write_text("")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     monkeypatch.chdir(tmp_path)

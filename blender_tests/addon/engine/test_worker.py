@@ -1,4 +1,4 @@
-"""The engine's worker reports and cleans up every way in which a job can end, shown on the fake engine."""
+"""The engine's worker reports and cleans up however a job ends, shown on the fake engine."""
 
 import itertools
 import json

@@ -53,6 +53,7 @@ def memory_errors():
         yield caught.value
     yield torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB")
     yield RuntimeError("std::bad_alloc")
+    yield ImportError("The `pillow` plugin is not installed. Use `pip install imageio[pillow]` to install it.")
     yield OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
     yield cv2.error("OpenCV(4.9.0) alloc.cpp:73: error: (-4:Insufficient memory) Failed to allocate 600 bytes")
 

@@ -66,7 +66,7 @@ def test_full_disk_at_each_file_change_loses_nothing(bench, throw, few):
 
 
 def limit_memory(megabytes):
-    """Let this process get only so much more memory."""
+    """Limit the further memory of this process."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (megabytes << 20),) * 2)
 

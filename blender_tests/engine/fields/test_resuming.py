@@ -99,7 +99,7 @@ def assert_identical(tensors, expected):
 
 
 def interrupt(learn, checkpoint, after=3):
-    """Cancel a fit after some steps; return the iteration at which it began."""
+    """Cancel a fit after some steps; return its first iteration."""
     progress = Stopwatch(after)
     with pytest.raises(Cancelled):
         learn(progress, checkpoint())

@@ -74,7 +74,7 @@ def waits(monkeypatch):
 
 @pytest.fixture(params=["chosen", "pretend"])
 def runtime(request):
-    """Runtime on the device that is tested and on the pretend one, which is never the CPU."""
+    """Runtime on the tested device and on the pretend one, which is never the CPU."""
     name = request.config.getoption("device")
     if request.param == "chosen" and name != "pretend":
         yield start_runtime(0, 1, name)

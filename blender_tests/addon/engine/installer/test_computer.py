@@ -1,4 +1,4 @@
-"""What this computer has: devices for torch, programs that make environments, and shells."""
+"""Finding the computer's devices for torch, programs that make environments, and shells."""
 
 import shutil
 import subprocess

@@ -239,7 +239,7 @@ def test_ndc_follows_from_recentered_poses():
         assert_allclose(first, np.stack([ax * ox / oz, ay * oy / oz, 1 + 2 / oz], 1), atol=1e-4)
         expected = np.stack([ax * (dx / dz - ox / oz), ay * (dy / dz - oy / oz), -2 / oz], 1)
         assert_allclose(step, expected, atol=1e-4)
-        # the points of the ray lie on that line
+        # the points of the ray are on that line
         along = torch.from_numpy(camera.camera_to_world[:3, 3]).float() + 7.0 * camera_rays(camera)[CORNERS].viewdirs
         offset = space.to_grid(along) - first
         assert_allclose(torch.linalg.cross(offset, step), np.zeros((4, 3)), atol=1e-4)
