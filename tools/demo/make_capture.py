@@ -1,7 +1,7 @@
 """Make the demo capture: a still life rendered with Cycles, its true labels and depth, its true recolors and rough masks.
 
     .venv/blender/bin/python -m tools.demo.make_capture --out DIR [--only photos truth recolors masks]
-    .venv/blender/bin/python -m tools.demo.make_capture --out demo --film DIR [--size 800] [--test 20] [--samples 64]
+    .venv/blender/bin/python -m tools.demo.make_capture --out demo --film DIR [--size 640] [--test 20] [--samples 32]
 
 The second form copies the training photos that --out has to DIR, with large test photos along an arc.
 

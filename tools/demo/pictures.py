@@ -1,6 +1,6 @@
 """The README's picture in motion: large photos of the demo's scene along an arc, recolored while its swatches change.
 
-    .venv/blender/bin/python -m tools.demo.make_capture --out demo --film FILM
+    .venv/blender/bin/python -m tools.demo.make_capture --out demo --film FILM --size 640 --test 20 --samples 32
     .venv/engine/bin/python -m tools.demo.pictures FILM --project PROJECT
 
 The first command renders the photos, the second learns the scene from the demo's own 256-pixel photos into PROJECT and
@@ -26,7 +26,7 @@ from ..metrics.truth import Truth
 
 PICTURE = ROOT / "docs" / "images" / "demo.webp"
 EDITS = ("pot_to_blue", "mug_and_apple")
-MILLISECONDS, WIDTH, QUALITY = 90, 640, 80  # of a frame, and of its file
+MILLISECONDS, WIDTH, QUALITY = 90, 640, 92  # of a frame, and of its file
 
 
 def main() -> None:
