@@ -66,9 +66,10 @@ def read_photo(
         colors[..., :3] = unpremultiply(colors)
     if header.kind == "exr":  # its colors are converted already
         return colors
-    if space := space or (embedded_space(path) if by_profile else None):
+    own_space = space or (embedded_space(path) if by_profile else None)
+    if own_space is not None:
         for start in range(0, len(colors), ROWS):  # in blocks, because curves are computed in double precision
-            colors[start : start + ROWS, :, :3] = convert_to_srgb(colors[start : start + ROWS, :, :3], space)
+            colors[start : start + ROWS, :, :3] = convert_to_srgb(colors[start : start + ROWS, :, :3], own_space)
     return colors
 
 
@@ -78,8 +79,7 @@ def embedded_space(path: Path) -> icc.Space | None:
         with Image.open(path) as image:
             if profile := image.info.get("icc_profile"):
                 return icc.profile_space(profile) if image.mode not in ("L", "LA", "CMYK") else None
-            exif = image.getexif() if "exif" in image.info else {}
-            interoperability = exif.get_ifd(INTEROPERABILITY_IFD) if exif else {}
+            interoperability = image.getexif().get_ifd(INTEROPERABILITY_IFD) if "exif" in image.info else {}
     except Exception as error:  # decoders raise nearly anything for damaged metadata
         if is_out_of_memory(error):
             raise
