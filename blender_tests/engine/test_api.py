@@ -62,6 +62,15 @@ def test_library_calls_leave_torch_state_unchanged(learned, tmp_path):
     torch.set_num_threads(1)
 
 
+@pytest.fixture
+def python_ctrl_c():
+    """Python's own handler of Ctrl-C, which a process started in a shell's background does not have."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("python_ctrl_c")
 def test_ctrl_c_saves_a_checkpoint_and_should_stop_cancels(still_life, tmp_path):
     project = tmp_path / "project"
 

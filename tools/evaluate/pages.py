@@ -1,4 +1,4 @@
-"""The pages that show measured tables: docs/results/*.json fills what is between two comments of a page.
+"""Write measured tables and figures into pages, between two comments, from docs/results/*.json.
 
     <!-- table: NAME --> ... <!-- /table -->        the table, and where it comes from
     <!-- figures: NAME --> ... <!-- /figures -->    sentences with figures of tables, see `FIGURES`
