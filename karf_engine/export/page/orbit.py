@@ -1,0 +1,73 @@
+"""Where a page's viewer may look from: around the objects, within the directions and distances of the photos."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...capture.camera import Camera
+from ...capture.camera_paths import NO_POINTS, looking_at
+from ...capture.placement import measure_placement
+
+OUTLIERS = (2, 98)  # percentiles of the objects' centers between which they lie
+ALL_ROUND = 60.0  # degrees of the widest gap between cameras that an orbit all round has
+SLACK, NEARER, FARTHER = 5.0, 0.9, 1.1  # degrees, and factors of distances, beyond the photos'
+STEEPEST = 1.0  # degrees from the up axis
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """Viewpoints around a center, in world units and radians."""
+
+    center: np.ndarray  # [3]
+    up: np.ndarray  # [3], unit vector
+    position: np.ndarray  # [3], at the start
+    field_of_view: float  # vertical, degrees
+    azimuth: tuple[float, float] | None  # around `up` by the right-hand rule, from that of `position`; None: all round
+    polar: tuple[float, float]  # from `up`
+    distance: tuple[float, float]  # from `center`
+
+    def camera(self, width: int, height: int) -> Camera:
+        """Return the camera at the start."""
+        focal = height / 2 / np.tan(np.radians(self.field_of_view) / 2)
+        pose = looking_at(self.position, self.center, self.up)
+        return Camera(width, height, focal, focal, width / 2, height / 2, pose)
+
+
+def orbit_of(cameras: Sequence[Camera], objects: np.ndarray, seen: np.ndarray) -> Orbit:
+    """Return the orbit of a capture's cameras, which starts where a photo shows most of the objects.
+
+    objects: centers of their Gaussians, [m, 3]; without any it is around what the cameras look at. seen: [cameras], the
+    share of each photo that the objects fill.
+    """
+    placement = measure_placement(cameras, NO_POINTS)
+    center = np.percentile(objects, OUTLIERS, axis=0).mean(0) if len(objects) else placement.center
+    offsets = np.stack([camera.position for camera in cameras]) - center
+    distances = np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
+    azimuth, elevation = placement.angles(offsets / distances[:, None]).T
+    start = int(np.argmax(seen * distances**2))
+    usual = float(np.median(distances))
+    polar = np.clip((90 - elevation.max() - SLACK, 90 - elevation.min() + SLACK), STEEPEST, 180 - STEEPEST)
+    return Orbit(
+        center=center,
+        up=placement.up,
+        position=center + usual * offsets[start] / distances[start],
+        field_of_view=float(np.median([np.degrees(2 * np.arctan(c.height / 2 / c.fy)) for c in cameras])),
+        azimuth=_azimuths((azimuth - azimuth[start]) % 360),
+        polar=(float(np.radians(polar[0])), float(np.radians(polar[1]))),
+        distance=(float(NEARER * distances.min()), float(FARTHER * distances.max())),
+    )
+
+
+def _azimuths(angles: np.ndarray) -> tuple[float, float] | None:
+    """Return the range in radians around 0 of angles in [0, 360) degrees, 0 among them; None for all round."""
+    order = np.sort(angles)
+    gaps = np.diff(np.append(order, 360.0))
+    widest = int(gaps.argmax())
+    if gaps[widest] <= ALL_ROUND:
+        return None
+    slack = min(SLACK, gaps[widest] / 2)
+    low, high = np.append(order, 360.0)[widest + 1] - 360 - slack, order[widest] + slack
+    return float(np.radians(low)), float(np.radians(high))
