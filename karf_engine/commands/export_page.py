@@ -17,7 +17,7 @@ from ..errors import BadRequest, DataError, Message
 from ..export.page import Heading, Look, Shown, check_bundle, is_page, make_single, write_page
 from ..export.page.orbit import orbit_of
 from ..export.page.selection import Visible, measure_visible, most_visible, psnr_of, rows_to_show, subset
-from ..io.files import check_file, new_folder, refusing_unreadable
+from ..io.files import check_file, errors_naming_path, new_folder, refusing_unreadable
 from ..io.images import read_photo
 from ..palettes.colorways import check_locked, plan_colorways
 from ..palettes.palette import Edit
@@ -49,7 +49,7 @@ def run(options: ExportPageOptions, emit: Emit, should_stop: Callable[[], bool])
     if options.looks or options.sheet or options.locked:
         project.require("recoloring")
     out = options.out.absolute()
-    with new_folder(out, is_page) as folder:
+    with new_folder(out, is_page) as folder, errors_naming_path(out, folder):
         job = open_job(options, emit, should_stop, project)
         model, locked = load_splats(job), locked_swatches(options.locked)
         check_locked(locked, {palette.name: palette for palette in model.palettes})
