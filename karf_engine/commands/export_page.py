@@ -50,7 +50,7 @@ def run(options: ExportPageOptions, emit: Emit, should_stop: Callable[[], bool])
         project.require("recoloring")
     out = options.out.absolute()
     with new_folder(out, is_page) as folder, errors_naming_path(out, folder):
-        job = open_job(options, emit, should_stop, project)
+        job = open_job(options, emit, should_stop, project).with_overrides("render", options.overrides)
         model, locked = load_splats(job), locked_swatches(options.locked)
         check_locked(locked, {palette.name: palette for palette in model.palettes})
         looks = _looks(job, model, options, locked)

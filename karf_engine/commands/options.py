@@ -432,6 +432,12 @@ class ExportPageOptions(ProjectOptions):
     locked: tuple[str, ...] = option(
         "a swatch that the page does not offer, as <object>/<number>; may be repeated", (), metavar="SWATCH"
     )
+    overrides: tuple[str, ...] = option(
+        "change one setting, as render.unseen=shown, which fades nothing; may be repeated",
+        (),
+        flag="set",
+        metavar="render.FIELD=VALUE",
+    )
     reduce: int | None = option(
         "how many Gaussians at most, the least visible are left out", None, metavar="N", minimum=1000, maximum=500_000
     )
