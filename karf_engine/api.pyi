@@ -250,6 +250,7 @@ def export_page(
     studio: str = "",
     logo: PathLike | None = None,
     locked: list[str] | tuple[str, ...] = (),
+    overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
     reduce: int | None = None,
     threads: int | None = None,
     device: str | torch.device | None = None,
