@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,8 @@ from ...capture.placement import measure_placement
 
 OUTLIERS = (2, 98)  # percentiles of the objects' centers between which they lie
 ALL_ROUND = 60.0  # degrees of the widest gap between cameras that an orbit all round has
-SLACK, NEARER, FARTHER = 5.0, 0.9, 1.1  # degrees, and factors of distances, beyond the photos'
+SLACK, OF_RANGE = 5.0, 0.1  # degrees beyond the photos, and at most this share of the range that they cover
+NEARER, FARTHER = 0.9, 1.1  # factors of the photos' distances
 STEEPEST = 1.0  # degrees from the up axis
 
 
@@ -37,7 +39,9 @@ class Orbit:
 
 
 def orbit_of(cameras: Sequence[Camera], objects: np.ndarray, seen: np.ndarray) -> Orbit:
-    """Return the orbit of a capture's cameras, which starts where a photo shows most of the objects.
+    """Return the orbit of a capture's cameras.
+
+    It starts where a photo shows most of the objects, or, of photos of one side, in their middle.
 
     objects: centers of their Gaussians, [m, 3]; without any it is around what the cameras look at. seen: [cameras], the
     share of each photo that the objects fill.
@@ -46,28 +50,34 @@ def orbit_of(cameras: Sequence[Camera], objects: np.ndarray, seen: np.ndarray) -
     center = np.percentile(objects, OUTLIERS, axis=0).mean(0) if len(objects) else placement.center
     offsets = np.stack([camera.position for camera in cameras]) - center
     distances = np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
-    azimuth, elevation = placement.angles(offsets / distances[:, None]).T
+    directions = offsets / distances[:, None]
+    azimuth, elevation = placement.angles(directions).T
     start = int(np.argmax(seen * distances**2))
-    usual = float(np.median(distances))
-    polar = np.clip((90 - elevation.max() - SLACK, 90 - elevation.min() + SLACK), STEEPEST, 180 - STEEPEST)
+    if _azimuths(azimuth - azimuth[start], 0) is not None:
+        start = int(np.argmax(directions @ directions.mean(0)))
+    sides = _azimuths(azimuth - azimuth[start], 0) or (0.0, 360.0)
+    slack = min(SLACK, OF_RANGE * max(sides[1] - sides[0], float(np.ptp(elevation))))
+    polar = np.clip((90 - elevation.max() - slack, 90 - elevation.min() + slack), STEEPEST, 180 - STEEPEST)
     return Orbit(
         center=center,
         up=placement.up,
-        position=center + usual * offsets[start] / distances[start],
+        position=center + float(np.median(distances)) * directions[start],
         field_of_view=float(np.median([np.degrees(2 * np.arctan(c.height / 2 / c.fy)) for c in cameras])),
-        azimuth=_azimuths((azimuth - azimuth[start]) % 360),
-        polar=(float(np.radians(polar[0])), float(np.radians(polar[1]))),
+        azimuth=_radians(_azimuths(azimuth - azimuth[start], slack)),
+        polar=_radians((polar[0], polar[1])),
         distance=(float(NEARER * distances.min()), float(FARTHER * distances.max())),
     )
 
 
-def _azimuths(angles: np.ndarray) -> tuple[float, float] | None:
-    """Return the range in radians around 0 of angles in [0, 360) degrees, 0 among them; None for all round."""
-    order = np.sort(angles)
-    gaps = np.diff(np.append(order, 360.0))
+def _azimuths(angles: np.ndarray, slack: float) -> tuple[float, float] | None:
+    """Return the range in degrees around 0 of angles, 0 among them, with this slack; None for all round."""
+    order = np.append(np.sort(angles % 360), 360.0)
+    gaps = np.diff(order)
     widest = int(gaps.argmax())
     if gaps[widest] <= ALL_ROUND:
         return None
-    slack = min(SLACK, gaps[widest] / 2)
-    low, high = np.append(order, 360.0)[widest + 1] - 360 - slack, order[widest] + slack
-    return float(np.radians(low)), float(np.radians(high))
+    return order[widest + 1] - 360 - slack, order[widest] + slack
+
+
+def _radians(degrees: Any) -> Any:
+    return None if degrees is None else tuple(np.radians(degrees).tolist())

@@ -122,6 +122,11 @@ def test_visibility_is_that_of_the_shown_gaussians(exact, model):
     assert_array_equal(seen, model.splats.visibility[shown_rows(exact, model)])
 
 
+def test_nothing_fades_where_the_setting_says_so(learned, tmp_path):
+    out = export(learned.project, tmp_path / "page", overrides=["render.unseen=shown"])
+    assert content(out)["seen"] is None and not (out / "seen.bin.gz").exists()
+
+
 # ---------------------------------------------------------------------------------------------------------- recoloring
 def objects_in(folder, variant):
     """The rows, shares, weights and slopes of each object, as docs/files.md describes the file."""
