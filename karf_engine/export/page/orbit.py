@@ -52,9 +52,10 @@ def orbit_of(cameras: Sequence[Camera], objects: np.ndarray, seen: np.ndarray) -
     distances = np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
     directions = offsets / distances[:, None]
     azimuth, elevation = placement.angles(directions).T
-    start = int(np.argmax(seen * distances**2))
+    is_upright = np.abs(elevation) < 90 - STEEPEST
+    start = int(np.argmax(np.where(is_upright, seen * distances**2, -1)))
     if _azimuths(azimuth - azimuth[start], 0) is not None:
-        start = int(np.argmax(directions @ directions.mean(0)))
+        start = int(np.argmax(np.where(is_upright, directions @ directions.mean(0), -1)))
     sides = _azimuths(azimuth - azimuth[start], 0) or (0.0, 360.0)
     slack = min(SLACK, OF_RANGE * max(sides[1] - sides[0], float(np.ptp(elevation))))
     polar = np.clip((90 - elevation.max() - slack, 90 - elevation.min() + slack), STEEPEST, 180 - STEEPEST)

@@ -61,3 +61,9 @@ def test_orbit_is_around_the_objects_and_starts_where_a_photo_shows_most_of_them
 def test_orbit_without_objects_is_around_what_the_photos_look_at():
     found = orbit_of(row(0, 330, 12), np.zeros((0, 3)), np.ones(12))
     assert_allclose(found.center, 0, atol=0.01)
+
+
+def test_orbit_does_not_start_straight_above():
+    cameras = [*row(0, 330, 12), camera_at(0, np.pi / 2)]
+    found = orbit_of(cameras, AT_ORIGIN, np.array([*np.ones(12), 9.0]))
+    assert np.hypot(*found.position[:2]) > 1 and np.isfinite(found.camera(480, 360).camera_to_world).all()

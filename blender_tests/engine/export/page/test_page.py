@@ -21,6 +21,7 @@ from karf_engine.commands import export_page
 from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
 from karf_engine.export import page as page_module
 from karf_engine.export.page import selection
+from karf_engine.io import files as files_module
 from karf_engine.palettes.palette import Edit, read_edit
 from karf_engine.project import Project
 from karf_engine.project.state import without_stage, write_state
@@ -255,6 +256,21 @@ def test_ended_export_leaves_the_old_page(learned, page, tmp_path):
     out = shutil.copytree(page, tmp_path / "page")
     with pytest.raises(Cancelled):
         export(learned.project, out, should_stop=iter([False] * 10 + [True] * 99).__next__)
+    assert {path.name for path in tmp_path.iterdir()} == {"page"}
+    assert (out / "page.json").read_bytes() == (page / "page.json").read_bytes()
+
+
+def test_page_that_cannot_be_put_in_place_leaves_the_old_one(learned, page, tmp_path, monkeypatch):
+    out, move = shutil.copytree(page, tmp_path / "page"), files_module.replace
+
+    def refuse_new(source, target):
+        if source.name == "new":
+            raise PermissionError(13, "Permission denied", str(target))
+        move(source, target)
+
+    monkeypatch.setattr(files_module, "replace", refuse_new)
+    with pytest.raises(DataError, match="page"):
+        export(learned.project, out)
     assert {path.name for path in tmp_path.iterdir()} == {"page"}
     assert (out / "page.json").read_bytes() == (page / "page.json").read_bytes()
 
