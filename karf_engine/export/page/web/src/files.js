@@ -18,20 +18,22 @@ export function addressOf(name) {
 /**
  * Read a file.
  * @param {string} name
- * @param {(received: number) => void} onBytes called with the bytes of each part
+ * @param {(received: number, expected: number) => void} onBytes called with the bytes of each part, and before the first
+ *   one with those of the whole
  * @returns {Promise<Uint8Array>}
  */
 export async function read(name, onBytes = () => {}) {
   if (name in embedded) {
     const bytes = Uint8Array.from(atob(embedded[name]), (each) => each.charCodeAt(0));
-    onBytes(bytes.length);
+    onBytes(bytes.length, bytes.length);
     return bytes;
   }
   const answer = await fetch(name).catch(() => null);
   if (!answer?.ok) throw new FileError(`The file ${name} of this page could not be loaded.`);
+  onBytes(0, Number(answer.headers.get("content-length")));
   const counted = new TransformStream({
     transform(part, controller) {
-      onBytes(part.length);
+      onBytes(part.length, 0);
       controller.enqueue(part);
     },
   });
@@ -57,7 +59,7 @@ export async function readJson(name) {
  * Read and unpack a gzip file of a known size.
  * @param {string} name
  * @param {number} size in bytes, unpacked
- * @param {(received: number) => void} [onBytes]
+ * @param {(received: number, expected: number) => void} [onBytes]
  * @returns {Promise<ArrayBuffer>}
  */
 export async function readPacked(name, size, onBytes) {

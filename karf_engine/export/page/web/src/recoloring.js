@@ -79,7 +79,7 @@ export class Weights {
    * Load a variant's weights.
    * @param {object} variant of page.json
    * @param {number} count of all Gaussians
-   * @param {(received: number) => void} [onBytes]
+   * @param {(received: number, expected: number) => void} [onBytes]
    */
   static async load(variant, count, onBytes) {
     const size = variant.objects.reduce((sum, { rows, colors }) => sum + rows * (6 + 8 * colors), 0);
@@ -167,7 +167,7 @@ export class Recoloring {
     const data = new Float32Array((4 * changes.length) / 3);
     for (let i = 0; i < changes.length / 3; i++) data.set(changes.subarray(3 * i, 3 * i + 3), 4 * i);
     this.changes.value.dispose();
-    this.changes.value = texture(data, 4, data.length / 4);
+    this.changes.value = texture(data, 4, Math.max(1, data.length / 4));
     this.starts.value = weights.starts;
     this.entries.value = weights.entries;
     this.mesh.updateVersion();

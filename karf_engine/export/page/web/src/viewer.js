@@ -22,7 +22,10 @@ const SHOW = {
   vertexShader: "void main() { gl_Position = vec4(position, 1.0); }",
   fragmentShader: `
     uniform sampler2D picture;
-    void main() { gl_FragColor = vec4(texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rgb, 1.0); }`,
+    void main() {
+      vec3 color = texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rgb;
+      gl_FragColor = vec4((floor(255.0 * color + 0.5) + 0.25) / 255.0, 1.0); // the same where drivers cut off and round
+    }`,
 };
 
 /** A scene of Gaussians in one look. */
@@ -122,6 +125,10 @@ export class Viewer {
     this.renderer.setSize(width, height, false);
     const size = this.renderer.getDrawingBufferSize(new THREE.Vector2());
     this.target.setSize(size.x, size.y);
+    // portraits are as wide as the photos are high
+    const { field_of_view } = this.page.orbit;
+    const tangent = Math.tan((field_of_view * Math.PI) / 360) * Math.max(1, height / width);
+    this.camera.fov = (Math.atan(tangent) * 360) / Math.PI;
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.draw();
@@ -155,10 +162,10 @@ export class Viewer {
     this.quad.render(this.renderer);
   }
 
-  /** Whether the Gaussians are sorted for the current camera. */
-  get isSettled() {
-    return [this.edited, this.wipe && this.captured].every(
-      (layer) => !layer || !(layer.spark.sorting || layer.spark.sortDirty || layer.spark.dirty),
-    );
+  /** Wait until the picture is that of the current camera and look: Gaussians are sorted after they are first drawn. */
+  async settled() {
+    const isBusy = ({ spark }) => spark.sorting || spark.sortDirty || spark.dirty || !spark.activeSplats;
+    do await new Promise(requestAnimationFrame);
+    while (this.waiting || isBusy(this.edited) || (this.wipe && isBusy(this.captured)));
   }
 }
