@@ -255,7 +255,9 @@ def page(options: argparse.Namespace, rest: list[str]) -> int:
     """Bundle the viewer of web pages, with the licenses of what is in it, from packages in the versions of its lock file."""
     npm = shutil.which("npm")
     if npm is None or shutil.which("node") is None:
-        sys.exit("error: the viewer of web pages is built by Node and npm; on Debian or Ubuntu: apt-get install nodejs npm")
+        sys.exit(
+            "error: the viewer of web pages is built by Node and npm; on Debian or Ubuntu: apt-get install nodejs npm"
+        )
     for command in (["ci"], ["run", "--silent", "build"]):
         code = subprocess.run([npm, *command], cwd=WEB).returncode
         if code:
