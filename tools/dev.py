@@ -161,7 +161,7 @@ def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
             ("engine", "-m", "pytest", *(str(tests / name) for name in FIRST_HALF)),
             ("blender", "-m", "pytest", "blender_tests/addon"),
         ),
-        (("engine", "-m", "pytest", *others),),
+        (("engine", "-m", "pytest", *others), ("engine", "-m", "pytest", "blender_tests/page")),
     )
     with ThreadPoolExecutor(len(lanes)) as pool:
         return max(pool.map(run_lane, lanes))

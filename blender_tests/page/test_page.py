@@ -13,22 +13,33 @@ import karf_engine as karf
 from blender_tests.page.conftest import served
 from karf_engine.capture.camera_paths import looking_at
 
-LOADED, SETTLED = 60, "karf.viewer.settled()"  # seconds: a generous bound, as software draws
+LOADED = 60  # seconds: a generous bound, as software draws
+SETTLED = "karf.viewer.settled()"
 DIFFERENCE = 2 / 255  # of the mean of a frame
 SIDE = 128  # pixels of compared frames
 ONE_BROWSER = pytest.mark.parametrize("browser", ["chromium"], indirect=True)
-FRAME = """(async (matrix, side, look) => {
+PIXELS = """(() => {
+  const { viewer } = karf, { width, height } = viewer.target, gl = viewer.renderer.getContext();
+  const pixels = new Uint8Array(4 * width * height);
+  viewer.render();
+  gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+  return { width, height, data: btoa(pixels.reduce((text, each) => text + String.fromCharCode(each), "")) };
+})()"""
+FROM_CAMERA = """(async (matrix, side, look) => {
   const { viewer, looks } = karf;
   viewer.onFrame = () => {};
   viewer.camera.matrix.fromArray(matrix).decompose(viewer.camera.position, viewer.camera.quaternion, viewer.camera.scale);
   looks.choose(look);
   viewer.resize(side, side, 1);
   await viewer.settled();
-  viewer.render();
-  const gl = viewer.renderer.getContext(), pixels = new Uint8Array(4 * side * side);
-  gl.readPixels(0, 0, side, side, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-  return btoa(String.fromCharCode(...pixels));
 })"""
+RESTS = """(async () => {
+  let last;
+  do {
+    last = String(karf.orbit);
+    await new Promise((done) => setTimeout(done, 400));
+  } while (last !== String(karf.orbit));
+})()"""
 STATE = "({state: document.body.dataset.state, said: document.getElementById('status').textContent})"
 
 
@@ -38,6 +49,13 @@ def content(pages):
 
 def click(browser, selector):
     browser.run(f"document.querySelector({selector!r}).click()")
+
+
+def picture(browser):
+    """The picture as drawn, [H, W, 3] of 255."""
+    drawn = browser.run(PIXELS)
+    pixels = np.frombuffer(base64.b64decode(drawn["data"]), np.uint8)
+    return pixels.reshape(drawn["height"], drawn["width"], 4)[::-1, :, :3]
 
 
 @pytest.fixture
@@ -79,8 +97,8 @@ def test_colors_are_those_of_the_engine_in_every_look(opened, pages):
         for number, edit in enumerate(edits):
             wanted = model.render_recolored(camera, edit)
             matrix = camera.camera_to_world.T.ravel().tolist()
-            data = base64.b64decode(opened.run(f"{FRAME}({matrix}, {SIDE}, {number})"))
-            shown = np.frombuffer(data, np.uint8).reshape(SIDE, SIDE, 4)[::-1, :, :3] / 255
+            opened.run(f"{FROM_CAMERA}({matrix}, {SIDE}, {number})")
+            shown = picture(opened) / 255
             means.append(np.abs(shown - wanted).mean())
             assert means[-1] <= DIFFERENCE, (camera.position, written["looks"][number]["name"])
             assert np.quantile(np.abs(shown - wanted), 0.99) <= 2 * DIFFERENCE
@@ -97,8 +115,8 @@ def test_link_restores_look_colors_and_view(opened, pages):
     opened.tell("press", keys=["ArrowLeft", "ArrowLeft", "ArrowUp", "+"])
     state = "({look: karf.looks.name, colors: karf.looks.colorsOf(NAME), at: karf.viewer.camera.position.toArray()})"
     state = state.replace("NAME", json.dumps(name))
-    opened.run("new Promise((done) => setTimeout(done, 1500))")  # turning slows down, then the link follows
-    shown, link = opened.run(state), opened.run("location.href")
+    opened.run(RESTS)
+    shown, link = opened.run(state), opened.run("karf.looks.address()")
     assert_allclose(shown["colors"][swatch["index"]], np.array([0x12, 0xAB, 0x34]) / 255)
     assert np.linalg.norm(np.array(shown["at"]) - content(pages)["orbit"]["position"]) > 0.01
     opened.open(link)
@@ -143,18 +161,15 @@ def test_locked_swatches_are_not_offered(opened, pages):
 def test_compare_shows_the_capture_left_of_the_line(opened):
     click(opened, "#looks label:nth-child(3) input")
     click(opened, "#compare")
-    colors = """(() => { karf.viewer.render(); const { width, height } = karf.viewer.target;
-      const gl = karf.viewer.renderer.getContext(), row = new Uint8Array(4 * width * height);
-      gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, row); return btoa(row.reduce((text, each) => text + String.fromCharCode(each), "")); })()"""
 
-    def picture(wipe):
+    def with_line_at(place):
         opened.run(
-            f"document.getElementById('wipe').value = {wipe}; document.getElementById('wipe').oninput(); {SETTLED}"
+            f"(() => {{ const wipe = document.getElementById('wipe'); wipe.value = {place}; wipe.oninput(); }})()"
         )
-        width, height = opened.run("[karf.viewer.target.width, karf.viewer.target.height]")
-        return np.frombuffer(base64.b64decode(opened.run(colors)), np.uint8).reshape(height, width, 4)
+        opened.run(SETTLED)
+        return picture(opened)
 
-    captured, half, edited = picture(1), picture(0.5), picture(0)
+    captured, half, edited = map(with_line_at, (1, 0.5, 0))
     middle = half.shape[1] // 2
     assert (captured != edited).any()
     assert_allclose(half[:, : middle - 1], captured[:, : middle - 1])

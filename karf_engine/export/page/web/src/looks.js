@@ -26,6 +26,7 @@ export class Looks {
     /** @type {Map<string, Map<number, string>>} changed colors by object and swatch */
     this.changed = new Map();
     this.onChange = () => {};
+    this.address = () => location.href; // of what is shown
   }
 
   get look() {

@@ -63,6 +63,7 @@ async function load(page, viewer) {
   let received = 0;
   let expected = 0;
   const onBytes = (bytes, more) => {
+    if (document.body.dataset.state !== "loading") return; // another file has failed
     received += bytes;
     expected += more;
     const share = Math.min(received / expected, 1);
@@ -84,15 +85,17 @@ async function load(page, viewer) {
  * @param {Orbit} orbit
  */
 function followLink(looks, orbit) {
+  looks.address = () => {
+    const link = new URLSearchParams();
+    looks.write(link);
+    link.set("view", String(orbit));
+    history.replaceState(null, "", `#${link}`);
+    return location.href;
+  };
   let timer = 0;
   return () => {
     clearTimeout(timer);
-    timer = setTimeout(() => {
-      const link = new URLSearchParams();
-      looks.write(link);
-      link.set("view", String(orbit));
-      history.replaceState(null, "", `#${link}`);
-    }, LINK_DELAY);
+    timer = setTimeout(looks.address, LINK_DELAY);
   };
 }
 

@@ -27,7 +27,7 @@ export class Orbit {
       [controls.minAzimuthAngle, controls.maxAzimuthAngle] = facts.azimuth.map((angle) => from + angle);
     }
     controls.addEventListener("change", () => viewer.draw());
-    viewer.onFrame = () => controls.update();
+    viewer.onFrame = () => this.slowDown();
     const keys = {
       ArrowLeft: () => controls.rotateLeft(TURN),
       ArrowRight: () => controls.rotateLeft(-TURN),
@@ -43,6 +43,15 @@ export class Orbit {
       keys[key]();
       event.preventDefault();
     });
+  }
+
+  /** Turn on after a drag; a camera that rests keeps its bits, so that nothing is drawn anew. */
+  slowDown() {
+    const { position, quaternion } = this.viewer.camera;
+    const [before, turned] = [position.clone(), quaternion.clone()];
+    if (this.controls.update()) return;
+    position.copy(before);
+    quaternion.copy(turned);
   }
 
   /** Go to the first view. */

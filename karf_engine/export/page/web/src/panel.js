@@ -94,7 +94,8 @@ export function showChoice(looks) {
   element("close").onclick = () => element("chosen").close();
   element("chosen").onclose = () => URL.revokeObjectURL(element("edit").href);
   element("link").onclick = async () => {
-    element("copied").textContent = (await copy(location.href)) ? "The link is copied." : location.href;
+    const address = looks.address();
+    element("copied").textContent = (await copy(address)) ? "The link is copied." : address;
   };
 }
 
