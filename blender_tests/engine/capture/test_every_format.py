@@ -197,12 +197,13 @@ def test_photos_alone_are_rejected_naming_the_known_formats(restore_formats, tmp
     with pytest.raises(DataError, match="not a capture of a known format") as caught:
         open_capture(tmp_path)
     assert caught.value.hint == (
-        "A capture has one of these: transforms_train.json, transforms.json, sparse/, poses_bounds.npy."
+        "A capture has one of these: reconstruction.json, keyframes/, metadata and rgb/, transforms_train.json, "
+        "transforms.json, sparse/, cameras.xml, cameras.csv or .xmp files, poses_bounds.npy."
     )
     register_format(CSV)
     with pytest.raises(DataError) as caught:
         open_capture(tmp_path)
-    assert caught.value.hint.startswith("A capture has one of these: cameras.csv, transforms_train.json")
+    assert caught.value.hint.startswith("A capture has one of these: cameras.csv, reconstruction.json")
 
 
 @pytest.fixture
