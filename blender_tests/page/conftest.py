@@ -1,15 +1,12 @@
-"""Web pages in real browsers. Skipped without Node, the built viewer, or a browser; see drive.mjs.
+"""Web pages in real browsers. Skipped without Node, the built viewer, or a browser.
 
 KARF_PAGE_PROJECT tests the page of another learned project than the still life.
 """
 
-import json
 import os
-import shutil
-import subprocess
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -19,34 +16,7 @@ from typing import Any
 import pytest
 
 from blender_tests.engine.conftest import learned, still_life  # noqa: F401  fixtures
-from tools.window.screen import SOFTWARE, System, virtual_screen
-
-ROOT = Path(__file__).resolve().parents[2]
-WEB = ROOT / "karf_engine" / "export" / "page" / "web"
-PROGRAMS = {"chromium": ("chromium", "google-chrome"), "firefox": ("firefox-esr", "firefox")}
-
-
-class Browser:
-    """A browser that shows one page at a time."""
-
-    def __init__(self, name: str, process: subprocess.Popen) -> None:
-        self.name, self._process = name, process
-
-    def tell(self, command: str, **values: Any) -> Any:
-        """Carry out a command of drive.mjs, and return its value."""
-        print(json.dumps({"command": command, **values}), file=self._process.stdin, flush=True)
-        line = self._process.stdout.readline()
-        answer = json.loads(line) if line else {"error": "the browser's script has ended"}
-        assert "error" not in answer, answer["error"]
-        return answer.get("value")
-
-    def open(self, url: str, width: int = 480, height: int = 320, dark: bool | None = None, before: str = "") -> float:
-        """Open a page, and return the seconds until it shows its scene or its stills. before: script that runs first."""
-        return self.tell("open", url=url, width=width, height=height, dark=dark, before=before)
-
-    def run(self, script: str) -> Any:
-        """Return the value of an expression on the page; promises are awaited."""
-        return self.tell("run", script=script)
+from tools.browser import PROGRAMS, WEB, Browser, Unavailable, open_browser
 
 
 @dataclass(frozen=True)
@@ -78,23 +48,11 @@ def served(folder: Path) -> Iterator[str]:
 @pytest.fixture(scope="module", params=list(PROGRAMS))
 def browser(request, tmp_path_factory) -> Iterator[Browser]:
     """Each browser that is installed."""
-    name = request.param
-    executable = next(filter(None, map(shutil.which, PROGRAMS[name])), None)
-    node = shutil.which("node")
-    if node is None or not (WEB / "node_modules" / "puppeteer-core").is_dir() or executable is None:
-        pytest.skip(f"needs Node, the packages of `python3 tools/dev.py page`, and {name}")
-    screen = nullcontext("")
-    if name == "firefox":  # draws no WebGL without a screen
-        if shutil.which("Xvfb") is None:
-            pytest.skip("needs Xvfb")
-        screen = virtual_screen(System("", None, ()), tmp_path_factory.mktemp("screen"))
-    with screen as display:
-        command = [node, str(Path(__file__).with_name("drive.mjs")), str(WEB / "package.json"), name, executable]
-        variables = os.environ | SOFTWARE | ({"DISPLAY": display} if display else {})
-        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=variables) as run:
-            yield Browser(name, run)
-            run.stdin.close()  # ends the script and its browser
-            run.wait(60)
+    try:
+        with open_browser(request.param, tmp_path_factory.mktemp("screen")) as browser:
+            yield browser
+    except Unavailable as missing:
+        pytest.skip(str(missing))
 
 
 @pytest.fixture(scope="session")

@@ -181,7 +181,7 @@ def test_compare_shows_the_capture_left_of_the_line(opened):
 @pytest.mark.parametrize("dark", [False, True])
 def test_everyone_can_use_it(browser, pages, size, dark, tmp_path):
     browser.open(pages.url, *size, dark=dark)
-    print(browser.tell("shoot", path=str(tmp_path / f"{size[0]}_{dark}.png")))
+    browser.shoot(tmp_path / f"{size[0]}_{dark}.png")
     assert browser.tell("judge") == []
     click(browser, "#compare")
     click(browser, "#choose")

@@ -1,4 +1,4 @@
-// Runs a browser for the tests: node drive.mjs PACKAGE_JSON BROWSER EXECUTABLE; a command per line of stdin, JSON to both sides.
+// Runs a browser: node drive.mjs PACKAGE_JSON BROWSER EXECUTABLE; a command per line of stdin, JSON to both sides.
 import { createRequire } from "node:module";
 import { createInterface } from "node:readline";
 import { pathToFileURL } from "node:url";
