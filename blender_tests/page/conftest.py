@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from blender_tests.engine.conftest import learned, still_life  # noqa: F401  fixtures
+from blender_tests.engine.export.page.conftest import imported  # noqa: F401
 from tools.browser import PROGRAMS, WEB, Browser, Unavailable, open_browser
 
 
@@ -56,12 +57,29 @@ def browser(request, tmp_path_factory) -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def pages(request, tmp_path_factory) -> Iterator[Pages]:
-    """The page of a learned scene with a look of each kind."""
+def viewer() -> None:
+    """The built viewer and the packages that export a page, or the test is skipped."""
     pytest.importorskip("numba")
     pytest.importorskip("gsply")
     if not (WEB / "dist" / "page.js").is_file():
         pytest.skip("needs the viewer: python3 tools/dev.py page")
+
+
+@pytest.fixture(scope="session")
+def imported_page(viewer, imported, tmp_path_factory) -> Iterator[Pages]:  # noqa: F811
+    """The page of splats of another program, with a look."""
+    import karf_engine as karf
+
+    folder = tmp_path_factory.mktemp("imported_page")
+    karf.load(imported, "cpu").edit().becomes("ball", "#b5302c", "#3059b8").save(folder / "Blue.json")
+    karf.export_page(imported, folder / "page", looks=[folder / "Blue.json"], threads=1)
+    with served(folder / "page") as url:
+        yield Pages(imported, folder / "page", url, "")
+
+
+@pytest.fixture(scope="session")
+def pages(viewer, request, tmp_path_factory) -> Iterator[Pages]:
+    """The page of a learned scene with a look of each kind."""
     import karf_engine as karf
 
     chosen = os.environ.get("KARF_PAGE_PROJECT")

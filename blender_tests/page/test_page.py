@@ -85,7 +85,8 @@ def cameras_of(orbit, count):
         yield karf.Camera(SIDE, SIDE, focal, focal, SIDE / 2, SIDE / 2, pose)
 
 
-def test_colors_are_those_of_the_engine_in_every_look(opened, pages):
+def assert_colors_match(browser, pages):
+    """Assert that each look looks as the engine renders it, from cameras around the center."""
     model, written = karf.load(pages.project, "cpu"), content(pages)
     edits = [model.edit()]
     for number, look in enumerate(written["looks"][1:]):
@@ -97,12 +98,22 @@ def test_colors_are_those_of_the_engine_in_every_look(opened, pages):
         for number, edit in enumerate(edits):
             wanted = model.render_recolored(camera, edit)
             matrix = camera.camera_to_world.T.ravel().tolist()
-            opened.run(f"{FROM_CAMERA}({matrix}, {SIDE}, {number})")
-            shown = picture(opened) / 255
+            browser.run(f"{FROM_CAMERA}({matrix}, {SIDE}, {number})")
+            shown = picture(browser) / 255
             means.append(np.abs(shown - wanted).mean())
             assert means[-1] <= DIFFERENCE, (camera.position, written["looks"][number]["name"])
             assert np.quantile(np.abs(shown - wanted), 0.99) <= 2 * DIFFERENCE
-    print(f"{opened.name}: {len(means)} frames, mean difference {255 * np.mean(means):.2f} of 255")
+    print(f"{browser.name}: {len(means)} frames, mean difference {255 * np.mean(means):.2f} of 255")
+
+
+def test_colors_are_those_of_the_engine_in_every_look(opened, pages):
+    assert_colors_match(opened, pages)
+
+
+def test_splats_of_another_program_have_the_colors_of_the_engine(browser, imported_page):
+    browser.open(imported_page.url)
+    assert browser.tell("remarks") == []
+    assert_colors_match(browser, imported_page)
 
 
 def test_link_restores_look_colors_and_view(opened, pages):

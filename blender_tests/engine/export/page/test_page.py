@@ -16,7 +16,6 @@ pytest.importorskip("numba")
 pytest.importorskip("gsply")
 
 import karf_engine as karf
-from blender_tests.engine.conftest import QUICK
 from karf_engine.commands import export_page
 from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
 from karf_engine.export import page as page_module
@@ -26,7 +25,7 @@ from karf_engine.palettes.palette import Edit, read_edit
 from karf_engine.project import Project
 from karf_engine.project.state import without_stage, write_state
 from karf_engine.splats.formats.registry import read_splats
-from karf_engine.splats.formats.splat_file import SplatFile, upright
+from karf_engine.splats.formats.splat_file import upright
 from karf_engine.splats.kernels.arrays import C0, COLOR, PLAIN_FILTER
 from karf_engine.splats.rasterizer import rasterize
 
@@ -348,14 +347,7 @@ def test_scene_without_palettes_has_one_look_and_no_swatches(learned, files, tmp
         export(project.folder, tmp_path / "other", looks=[files["blue"]])
 
 
-def test_splats_of_another_program_are_shown_with_their_own_filter(model, tmp_path):
-    from karf_engine.splats.formats import ply
-
-    ply.write(tmp_path / "theirs.ply", SplatFile(model.splats.table))
-    karf.import_splat(tmp_path / "theirs.ply", tmp_path / "capture", views=6, size=64, up="z")
-    settings = [text for text in QUICK if text.startswith("geometry.")]
-    karf.learn_geometry(tmp_path / "capture", project=tmp_path / "project", overrides=settings, threads=1)
-    karf.learn_splats(tmp_path / "project", threads=1)
-    found = content(export(tmp_path / "project", tmp_path / "page"))
+def test_splats_of_another_program_are_shown_with_their_own_filter(imported, tmp_path):
+    found = content(export(imported, tmp_path / "page"))
     assert tuple(found["splats"]["screen_filter"].values()) == tuple(map(float, PLAIN_FILTER))
     assert found["seen"] is None and found["looks"][0]["name"] == "Original"
