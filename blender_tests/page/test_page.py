@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 
+import imageio.v3 as imageio
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -185,6 +186,37 @@ def test_compare_shows_the_capture_left_of_the_line(opened):
     assert (captured != edited).any()
     assert_allclose(half[:, : middle - 1], captured[:, : middle - 1])
     assert_allclose(half[:, middle + 1 :], edited[:, middle + 1 :])
+
+
+SAVED = """new Promise((done) => {
+  HTMLAnchorElement.prototype.click = function () {
+    fetch(this.href).then((answer) => answer.blob()).then((blob) => {
+      const reader = new FileReader();
+      reader.onload = () => done({ name: this.download, data: reader.result.split(",")[1] });
+      reader.readAsDataURL(blob);
+    });
+  };
+  document.getElementById("save").onclick();
+})"""
+
+
+def test_saved_picture_is_what_the_view_shows(opened):
+    click(opened, "#looks label:nth-child(2) input")
+    opened.run(SETTLED)
+    saved, shown = opened.run(SAVED), picture(opened)
+    pixels = imageio.imread(base64.b64decode(saved["data"]), extension=".png")[..., :3]
+    assert saved["name"] == "Still life Berry.png"
+    assert_allclose(pixels.astype(float), shown, atol=1)
+
+
+@ONE_BROWSER
+def test_full_screen_shows_the_view_alone_and_comes_back(opened):
+    is_full = "document.fullscreenElement?.id ?? ''"
+    opened.run("document.getElementById('full').focus()")
+    for shown in ("stage", ""):
+        opened.tell("press", keys=["Enter"])
+        opened.run("new Promise((done) => setTimeout(done, 500))")
+        assert opened.run(is_full) == shown
 
 
 @ONE_BROWSER

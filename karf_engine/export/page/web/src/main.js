@@ -7,6 +7,7 @@ import { Weights } from "./recoloring.js";
 import { Viewer } from "./viewer.js";
 
 const LINK_DELAY = 250; // milliseconds without a change
+const SAVED = 60_000; // milliseconds after which a saved picture may be forgotten
 const MOST_PIXELS = 2; // of the screen for one of the page
 
 start().catch(showFailure);
@@ -125,7 +126,7 @@ function showTools(viewer, orbit, looks) {
       const link = Object.assign(document.createElement("a"), { download: `${fileName(looks)}.png` });
       link.href = URL.createObjectURL(picture);
       link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href));
+      setTimeout(() => URL.revokeObjectURL(link.href), SAVED);
     });
   };
   full.hidden = !document.fullscreenEnabled; // not on iPhones
