@@ -25,7 +25,8 @@ from ..karf_engine.export.scene_points import ScenePoints, read_points, write_po
 from ..karf_engine.io.color import ciede2000, lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.io.containment import checked_path
 from ..karf_engine.io.files import atomic_write, check_file, checksum, read_json, write_json
-from ..karf_engine.io.image_size import find_header
+from ..karf_engine.io.icc_matrix import MatrixSpace, matrix_space
+from ..karf_engine.io.image_size import ImageHeader, find_header
 from ..karf_engine.io.names import file_name, find_normalized, first_case_collision, is_file_name
 from ..karf_engine.io.options import Options, bounds_of
 from ..karf_engine.palettes.added import (

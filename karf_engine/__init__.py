@@ -18,6 +18,7 @@ from .version import __version__
 if TYPE_CHECKING:
     from .api import (
         colorways,
+        convert_panoramas,
         export_splat,
         extract_palettes,
         find_poses,
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
 # module -> the public names that it defines
 _DEFINES = {
     "api": (
-        "find_poses", "import_splat", "inspect_capture", "mark",
+        "find_poses", "import_splat", "convert_panoramas", "inspect_capture", "mark",
         "learn", "learn_geometry", "segment", "extract_palettes", "learn_recoloring", "learn_splats", "load",
         "render", "colorways", "write_points", "export_splat", "render_bundle", "learning_bundle",
     ),

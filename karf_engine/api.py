@@ -131,6 +131,15 @@ def import_splat(splat: PathLike, out: PathLike, **options: Any) -> None:
     """
 
 
+@_command("pinhole")
+def convert_panoramas(capture: PathLike, out: PathLike, **options: Any) -> None:
+    """Make a capture of ordinary photos of one with 360-degree photos.
+
+    Example:
+        convert_panoramas("garden_360", "garden")
+    """
+
+
 @_command("inspect", listens=False)
 def inspect_capture(capture: Capture | PathLike, **options: Any) -> Advice:
     """Check photos, cameras and masks before learning, in seconds; needs no torch.

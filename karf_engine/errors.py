@@ -7,7 +7,11 @@ import re
 import sys
 from typing import Any
 
-INSTALL_NAMES = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # pip names that differ from import names
+INSTALL_NAMES = {
+    "PIL": "pillow",
+    "pillow_heif": "pillow-heif",
+    "cv2": "opencv-python-headless",
+}  # pip names that differ from import names
 MAX_MESSAGE_LENGTH = 1500  # characters of a message, or of one value in it
 PLACE = re.compile(r"\{(\w+)((?:![rs])?)((?::[^{}]*)?)\}")  # placeholder in a template: name, conversion, format
 # torch on the CPU, OpenCV and C++ libraries raise generic classes when memory runs out

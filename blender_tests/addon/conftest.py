@@ -23,7 +23,7 @@ MODULES = {
     "engine": "failures installing probing processes worker",
     "engine.installer": "home",
     "preferences": "color_book state",
-    "project": "captures disk folders moving",
+    "project": "captures disk folders image_paths moving",
     "pictures": "editors images photos sequences tints",
     "rig": "cameras lens reprojection",
     "swatches": "colors overlays edits looks object_masks gestures palettes displayed solving views",

@@ -31,9 +31,9 @@ def masks_folder(scene: bpy.types.Scene) -> Path:
 
     Raises KarfError without a project, or if a link leads out of it.
     """
-    if not scene.karf.masks:
+    folder = folders.place_of(scene, "masks")
+    if folder is None:
         return folders.project_of(scene).masks_folder
-    folder = folders.absolute(scene.karf.masks)
     project = folders.project_of(scene) if scene.karf.project else None
     if project and folder.is_relative_to(project.folder):
         return project.path(*folder.relative_to(project.folder).parts)

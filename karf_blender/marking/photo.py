@@ -15,7 +15,7 @@ from ..pictures import editors, images, photos
 from ..preferences import state
 from ..progress import printing_errors
 from ..project import captures, disk, folders
-from ..tasks import queries
+from ..tasks import photo_copies, queries
 from . import history, mask_layers, objects, tools
 from .mask_layers import Layer
 from .raster import Place
@@ -41,13 +41,14 @@ def show(scene: bpy.types.Scene) -> bpy.types.Image:
     view, marking = captures.view_of(scene), scene.karf.marking
     if view.image is None:
         raise BadRequest("The view {name!r} has no photo.", "Choose another view.", name=view.name)
-    file = photos.taken(view, folders.project_of(scene).photos_folder)
+    file = photos.taken(photo_copies.readable(scene, view), folders.project_of(scene).photos_folder)
+    stored = folders.stored(file)
     if marking.photo is None:
         marking.photo = bpy.data.images.new(NAME, 1, 1)
         marking.photo.source = "FILE"
     image = marking.photo
-    if image.filepath != str(file):
-        image.filepath = str(file)  # Blender reloads it
+    if image.filepath != stored:
+        image.filepath = stored  # Blender reloads it
     if not image.size[0]:
         raise DataError("{path} cannot be read as an image.", "Check the file.", path=file)
     image[VIEW] = view.name

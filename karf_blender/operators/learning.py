@@ -14,7 +14,7 @@ from ..steps import masks
 from ..swatches import palettes
 from ..tasks.runner import Task
 from ..workspace import estimates, opening
-from .base import GEOMETRY, IDLE, PROJECT, SEGMENTATION, OpenFileOperator, StepOperator, file_filter, need
+from .base import GEOMETRY, IDLE, PROJECT, SEGMENTATION, OpenFileOperator, StepOperator, Undoable, file_filter, need
 from .cameras import view_from_camera
 
 ORIENTATION_ITEMS = [
@@ -194,6 +194,23 @@ class KARF_OT_check_capture(StepOperator, bpy.types.Operator):
     bl_label = "Check Capture"
     needs = (PROJECT,)
     scene_step = steps.check_capture
+
+
+class KARF_OT_leave_out_blurred(Undoable, bpy.types.Operator):
+    """Leave the photos out of learning that Check Capture has found blurred"""
+
+    bl_idname = "karf.leave_out_blurred"
+    bl_label = "Leave Out Blurred"
+    needs = (
+        need(
+            "Check Capture has found no blurred photos",
+            lambda context: any(view.is_blurred for view in context.scene.karf.views),
+        ),
+    )
+
+    def step(self, context):
+        names = steps.leave_out_blurred(context.scene)
+        return translate_report("Left out {count} photos", count=len(names))
 
 
 class KARF_FH_capture(bpy.types.FileHandler):

@@ -89,8 +89,8 @@ def _folder_of(scene: bpy.types.Scene, kind: str) -> Path:
         return folders.project_of(scene).folder
     if kind == "written":
         return Path(progress.state().folder)
-    is_rendered = kind == "frames" and scene.karf.frames
-    return folders.absolute(scene.karf.frames) if is_rendered else folders.out_folder(scene)
+    frames = folders.place_of(scene, "frames") if kind == "frames" else None
+    return frames or folders.out_folder(scene)
 
 
 class KARF_OT_open_manual(StepOperator, bpy.types.Operator):

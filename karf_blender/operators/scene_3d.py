@@ -62,7 +62,7 @@ class KARF_OT_export_scene(SaveFileOperator, bpy.types.Operator):
 
 
 class KARF_OT_export_splat(SaveFileOperator, bpy.types.Operator):
-    """Write the scene as Gaussian splats with the current swatches: PLY, SPZ, glTF or USD, by file extension"""
+    """Write the scene as Gaussian splats with the current swatches: PLY, SPZ, SOG, glTF or USD, by file extension"""
 
     bl_idname = "karf.export_splat"
     bl_label = "Export Splat"
@@ -70,7 +70,7 @@ class KARF_OT_export_splat(SaveFileOperator, bpy.types.Operator):
     needs = (IDLE, PROJECT, SPLATS)
 
     filepath: StringProperty(subtype="FILE_PATH", default="scene.ply", options={"SKIP_SAVE"})
-    filter_glob: file_filter("*.ply;*.spz;*.glb;*.gltf;*.usd;*.usda;*.usdc")
+    filter_glob: file_filter("*.ply;*.spz;*.sog;*.glb;*.gltf;*.usd;*.usda;*.usdc")
     axes: EnumProperty(name="Axes", items=AXES_ITEMS)
     object_name: StringProperty(name="Object", description="Only export this object. Empty: the whole scene")
     solid: BoolProperty(name="Without Background", description="Leave out the shell of distant background")

@@ -29,7 +29,7 @@ def draw_import(layout, context):
     row.operator("karf.look_through", text=karf.active_view, icon="VIEW_CAMERA", translate=False)
     row.prop(karf.looking, "hides_others", text="", icon="HIDE_ON" if karf.looking.hides_others else "HIDE_OFF")
     row.operator("karf.leave_view", text="", icon="LOOP_BACK")
-    layout.label(text=_photo_counts(karf.views))
+    _draw_photos(layout, karf)
     _draw_advice(layout, karf)
     row = layout.row(align=True)
     row.prop(karf, "project")
@@ -42,11 +42,34 @@ def draw_import(layout, context):
         draw_space(body, karf, "photo_space")
 
 
+class KARF_UL_views(bpy.types.UIList):
+    """The captured photos, and which of them are learned from. A click shows one"""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        row = layout.row(align=True)
+        check = row.row()
+        check.active = item.split == "train"
+        check.prop(item, "is_learned", text="")
+        row.label(text=item.name, translate=False)
+        if item.is_blurred:
+            row.label(text="blurred", icon="ERROR")
+        elif item.split != "train":
+            row.label(text="to test")
+
+
+def _draw_photos(layout, karf):
+    header, body = layout.panel("karf_photos", default_closed=True)
+    header.label(text=_photo_counts(karf.views))
+    if body is not None:
+        body.template_list("KARF_UL_views", "", karf, "views", karf, "active_number", rows=5)
+        body.operator("karf.leave_out_blurred", icon="X")
+
+
 def _photo_counts(views) -> str:
-    n_train = sum(view.split == "train" for view in views)
-    if n_train == len(views):
-        return f"{len(views)} photos, all to learn: new views are not judged"
-    return f"{len(views)} photos: {n_train} to learn, {len(views) - n_train} to test"
+    n_learned = sum(view.split == "train" and view.is_learned for view in views)
+    if n_learned == len(views):
+        return translate("{count} photos, all to learn", count=len(views))
+    return translate("{learned} of {count} photos to learn", learned=n_learned, count=len(views))
 
 
 def _draw_advice(layout, karf):

@@ -5,6 +5,7 @@ from pathlib import Path
 import bpy
 
 from ..host import windows
+from ..project import folders
 
 PREFIX = "KaRF"  # prefix of the names of all images
 PREVIEW_NAME = f"{PREFIX} preview"
@@ -119,10 +120,10 @@ def show_preview(path: Path) -> None:
     image = bpy.data.images.get(PREVIEW_NAME)
     try:
         if image is None:
-            image = bpy.data.images.load(str(path))
+            image = bpy.data.images.load(folders.stored(path))
             image.name = PREVIEW_NAME
     except RuntimeError:
         return
-    image.filepath = str(path)
+    image.filepath = folders.stored(path)
     image.reload()
     reveal(image, is_whole=True)

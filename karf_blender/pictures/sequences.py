@@ -8,6 +8,7 @@ import bpy
 
 from ..engine_api import DataError
 from ..host import compat, rendering, windows
+from ..project import folders
 from . import editors
 
 NAME = f"{editors.PREFIX} frames"
@@ -32,7 +33,7 @@ def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types
     rendering.refuse()
     old = bpy.data.images.get(NAME)
     try:
-        image = bpy.data.images.load(str(files[0]))
+        image = bpy.data.images.load(folders.stored(files[0]))
     except RuntimeError as error:
         raise DataError("{path} cannot be read as an image.", "Render the frames again.", path=files[0]) from error
     numbers = [number_of(path) for path in files]
@@ -64,7 +65,9 @@ def add_strip(scene: bpy.types.Scene, files: Sequence[Path], first: int, name: s
     strips = compat.strips_of(scene)
     taken = {strip.channel for strip in strips if _overlaps(strip, first, first + len(files))}
     channel = next(number for number in range(1, len(taken) + 2) if number not in taken)
-    strip = strips.new_image(name=name, filepath=str(files[0]), channel=channel, frame_start=first, fit_method="FIT")
+    strip = strips.new_image(
+        name=name, filepath=folders.stored(files[0]), channel=channel, frame_start=first, fit_method="FIT"
+    )
     for path in files[1:]:
         strip.elements.append(path.name)
     compat.show_in_sequencers(scene)

@@ -20,9 +20,10 @@ class ReadCaptures:
 
 def path_of(scene: bpy.types.Scene) -> Path:
     """Return the path of the scene's capture; raise BadRequest if none was imported."""
-    if not scene.karf.capture:
+    place = folders.place_of(scene, "capture")
+    if place is None:
         raise BadRequest("The scene {name!r} has no capture.", "Import a capture first.", name=scene.name)
-    return folders.absolute(scene.karf.capture)
+    return place
 
 
 def of(scene: bpy.types.Scene) -> Capture:
@@ -38,6 +39,11 @@ def of(scene: bpy.types.Scene) -> Capture:
 def view_of(scene: bpy.types.Scene, name: str = "") -> View:
     """Return a captured view by name; by default the active view."""
     return of(scene).view(name or scene.karf.active_view)
+
+
+def left_out(scene: bpy.types.Scene) -> list[str]:
+    """Return the names of the views whose photos the user leaves out of learning."""
+    return [view.name for view in scene.karf.views if not view.is_learned]
 
 
 def forget() -> None:

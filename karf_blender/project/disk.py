@@ -34,6 +34,7 @@ class Contents:
     stages: frozenset[str] = frozenset()  # the finished ones
     outdated: frozenset[str] = frozenset()  # stages whose result is of other masks, or of another earlier stage
     learned_with: tuple[str, str] = ("", "")  # the preset and the pretrained NeRF of the geometry
+    left_out: frozenset[str] = frozenset()  # names of the photos that the geometry was learned without
     is_prepared: bool = False  # whether the active view has edit planes
     is_rendered: bool = False  # whether what is learned was rendered from the active view's camera
     is_doubted: bool = False  # whether pictures of what is unsure were rendered from it
@@ -80,7 +81,7 @@ def refresh(lists_again: bool = True) -> bool:
 
 def _key(scene: bpy.types.Scene) -> tuple[str, ...]:
     karf = scene.karf
-    return bpy.data.filepath, karf.project, karf.masks, karf.active_view
+    return folders.file_of(scene), karf.project, karf.masks, karf.active_view
 
 
 def _tick() -> float:
@@ -108,7 +109,8 @@ def read(scene: bpy.types.Scene) -> Contents:
     try:
         if project is not None and not project.folder.is_dir():
             return Contents(missing=project.folder)
-        marked = _folders_in(folders.absolute(scene.karf.masks)) if scene.karf.masks else []
+        masks_folder = folders.place_of(scene, "masks")
+        marked = _folders_in(masks_folder) if masks_folder else []
         counts = {folder.name: _masks_below(folder)[0] for folder in marked}
         masks = {name: count for name, count in counts.items() if count}
         if project is None:
@@ -120,6 +122,7 @@ def read(scene: bpy.types.Scene) -> Contents:
             stages=frozenset(stages),
             outdated=_outdated(project, marked),
             learned_with=_learned_with(found),
+            left_out=frozenset(stages.get("geometry", {}).get("without", ())),
             is_prepared=is_prepared(scene),
             is_rendered=rendering_of(scene) is not None,
             is_doubted=bool(rendered_doubts(scene)),

@@ -1,7 +1,7 @@
 """Paths of files: as the .blend stores them (relative to it once it is saved) and as absolute paths."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,8 +21,11 @@ def absolute(stored: str, blend: str | None = None) -> Path:
 
 
 def stored(path: Path, blend: str | None = None) -> str:
-    """Return the path as the .blend stores it: `//...` relative to a saved file, else absolute."""
-    blend = bpy.data.filepath if blend is None else blend
+    """Return the path as the .blend stores it: `//...` relative to a saved file if the user prefers it, else absolute."""
+    return _relative(path, bpy.data.filepath if blend is None else blend) if _prefers_relative() else str(path)
+
+
+def _relative(path: Path, blend: str) -> str:
     if not blend:
         return str(path)
     try:
@@ -31,21 +34,43 @@ def stored(path: Path, blend: str | None = None) -> str:
         return str(path)
 
 
+def _prefers_relative() -> bool:
+    return bpy.context.preferences.filepaths.use_relative_paths
+
+
+def file_of(scene: bpy.types.Scene) -> str:
+    """Return the .blend that the scene's paths are relative to: of a linked scene its own; empty if never saved."""
+    library = scene.library
+    return bpy.path.abspath(library.filepath, library=library.parent) if library else bpy.data.filepath
+
+
+def place_of(scene: bpy.types.Scene, name: str) -> Path | None:
+    """Return the absolute path of one of the scene's `PATH_PROPERTIES`; None if it is empty."""
+    path = getattr(scene.karf, name)
+    return absolute(path, file_of(scene)) if path else None
+
+
+def text_of(scene: bpy.types.Scene, name: str) -> str:
+    """Return `place_of` as text; empty stays empty."""
+    return str(place_of(scene, name) or "")
+
+
+def store(scene: bpy.types.Scene, name: str, path: Path) -> None:
+    """Set one of the scene's `PATH_PROPERTIES`."""
+    setattr(scene.karf, name, stored(path, file_of(scene)))
+
+
 def project_of(scene: bpy.types.Scene) -> Project:
     """Return the scene's project; raise BadRequest if none is chosen."""
-    if not scene.karf.project:
+    place = place_of(scene, "project")
+    if place is None:
         raise BadRequest("The scene {name!r} has no KaRF project.", "Import a capture first.", name=scene.name)
-    return Project(absolute(scene.karf.project))
+    return Project(place)
 
 
 def out_folder(scene: bpy.types.Scene) -> Path:
     """Return the folder for results: the chosen one, else `out` in the project."""
-    return absolute(scene.karf.out) if scene.karf.out else project_of(scene).path("out")
-
-
-def absolute_text(stored: str) -> str:
-    """Return the absolute path of one stored in the .blend as text; empty stays empty."""
-    return str(absolute(stored)) if stored else ""
+    return place_of(scene, "out") or project_of(scene).path("out")
 
 
 def default_project(capture: Path) -> Path:
@@ -81,11 +106,11 @@ def is_rewriting() -> bool:
     return session.get(PathRewriting).is_on
 
 
-def rewrite_paths(rewrite: Callable[[str], str]) -> None:
-    """Replace the stored paths of all scenes by what `rewrite` returns."""
+def rewrite_paths(rewrite: Callable[[str], str], scenes: Iterable[bpy.types.Scene] | None = None) -> None:
+    """Replace the stored paths of scenes (default: all that are not linked) by what `rewrite` returns."""
     session.get(PathRewriting).is_on = True
     try:
-        for scene in bpy.data.scenes:
+        for scene in scenes or [each for each in bpy.data.scenes if each.library is None]:
             for name in PATH_PROPERTIES:
                 path = getattr(scene.karf, name)
                 if path and (rewritten := rewrite(path)) != path:
@@ -107,6 +132,19 @@ def _after_save(target, *_):
         _rebase(target, bpy.data.filepath)
 
 
-def _rebase(source: str, target: str) -> None:
+@session.handler("blend_import_post", phase=session.Phase.STATE)
+def _after_import(context, *_):
+    """Rewrite the paths of appended scenes, which are relative to the file that they come from."""
+    for item in context.import_items:
+        if item.id_type == "SCENE" and item.id is not None and item.id.library is None:
+            _rebase(bpy.path.abspath(item.source_library.filepath), bpy.data.filepath, [item.id])
+
+
+def _rebase(source: str, target: str, scenes: Iterable[bpy.types.Scene] | None = None) -> None:
     """Rewrite relative paths for another place of the .blend; an empty place: absolute."""
-    rewrite_paths(lambda path: stored(absolute(path, source), target))
+
+    def rewrite(path: str) -> str:
+        is_relative = path.startswith("//") or _prefers_relative()
+        return _relative(absolute(path, source), target) if is_relative else path
+
+    rewrite_paths(rewrite, scenes)

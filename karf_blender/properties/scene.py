@@ -73,9 +73,12 @@ def _project_chosen(self, context):
     # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
     if not folders.is_rewriting():
         palettes.import_learned(self.id_data)
-        preset, _ = disk.read(self.id_data).learned_with
-        if preset in PRESETS:
-            self.preset = preset
+        known = disk.read(self.id_data)
+        if known.learned_with[0] in PRESETS:
+            self.preset = known.learned_with[0]
+        if "geometry" in known.stages:
+            for view in self.views:
+                view.is_learned = view.name not in known.left_out
         if self.project:
             objects.restart(self.id_data)
         disk.refresh()
@@ -140,6 +143,13 @@ class KARF_PG_view(bpy.types.PropertyGroup):
     """A captured view, known by its name."""
 
     split: StringProperty(name="Split", description="train, val or test")
+    is_learned: BoolProperty(
+        name="Learn",
+        default=True,
+        description="Learn from this photo. Off: leave it out; it can still be recolored. A marked photo is always "
+        "learned from",
+    )
+    is_blurred: BoolProperty(description="Check Capture has found it less sharp than the photos beside it")
 
 
 class KARF_PG_looking(bpy.types.PropertyGroup):
@@ -275,6 +285,11 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     advice: StringProperty(description="Results of checking the capture, one per line. Empty: not checked")
     is_poor: BoolProperty(description="More photos are recommended before learning")
     active_view: StringProperty(name="View", description="Captured view to show", update=_view_chosen)
+    active_number: IntProperty(
+        description="Place of the active view in the list",
+        get=lambda self: self.views.find(self.active_view),
+        set=lambda self, number: setattr(self, "active_view", self.views[number].name),
+    )
     objects: CollectionProperty(type=KARF_PG_object)
     looks: CollectionProperty(type=KARF_PG_look)
     look: StringProperty(name="Look", description="Look in use. Empty: none")

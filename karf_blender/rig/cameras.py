@@ -11,6 +11,7 @@ from mathutils import Matrix
 from ..engine_api import BadRequest, Capture, DataError, SparsePoints, View
 from ..nodes import add, feed, shadeless_material
 from ..pictures import photos
+from ..project import folders
 from . import lens
 
 POINTS_NAME = "KaRF points"
@@ -46,8 +47,9 @@ def build(capture: Capture, name: str, scene: bpy.types.Scene, options: Options 
     try:
         empty.matrix_basis = matrix
         empty.empty_display_size = 0.1 * extent
+        images = _images_by_path()
         for view in capture.views:
-            made.append(_camera(view, empty, size, options))
+            made.append(_camera(view, empty, size, options, images))
         if options.points and capture.points is not None:
             made.append(build_points(capture.points, empty, POINT_SIZE * extent))
     except Exception:
@@ -63,7 +65,9 @@ def build(capture: Capture, name: str, scene: bpy.types.Scene, options: Options 
     return empty
 
 
-def _camera(view: View, parent: bpy.types.Object, size: float, options: Options) -> bpy.types.Object:
+def _camera(
+    view: View, parent: bpy.types.Object, size: float, options: Options, images: dict[Path, bpy.types.Image]
+) -> bpy.types.Object:
     data = bpy.data.cameras.new(view.name)
     lens.set_lens(data, view.camera)
     data.display_size = options.camera_size * size
@@ -72,7 +76,7 @@ def _camera(view: View, parent: bpy.types.Object, size: float, options: Options)
     if options.photos and view.image is not None and view.image.exists():
         with contextlib.suppress(DataError):  # reported when the user views through the camera
             if photos.is_shown_as_stored(view):
-                _set_background(data, view.image)
+                _set_background(data, _load(view.image, images))
     camera = bpy.data.objects.new(view.name, data)
     camera.karf_view = view.name
     camera.parent = parent
@@ -80,11 +84,21 @@ def _camera(view: View, parent: bpy.types.Object, size: float, options: Options)
     return camera
 
 
-def _set_background(data: bpy.types.Camera, photo: Path) -> None:
+def _images_by_path() -> dict[Path, bpy.types.Image]:
+    """Return the file's images; Blender's own search, `check_existing`, takes seconds for thousands of photos."""
+    return {folders.absolute(each.filepath): each for each in bpy.data.images if each.filepath and not each.library}
+
+
+def _load(photo: Path, images: dict[Path, bpy.types.Image]) -> bpy.types.Image:
     try:
-        image = bpy.data.images.load(str(photo), check_existing=True)
+        if photo not in images:
+            images[photo] = bpy.data.images.load(folders.stored(photo))
+        return images[photo]
     except RuntimeError as error:
         raise DataError("{path} cannot be read as an image.", "Check the file.", path=photo) from error
+
+
+def _set_background(data: bpy.types.Camera, image: bpy.types.Image) -> None:
     background = data.background_images.new()
     background.image, background.alpha = image, 1.0
     background.frame_method, background.display_depth = "STRETCH", "BACK"
@@ -116,12 +130,16 @@ def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
     )
 
 
-def add_undistorted_background(scene: bpy.types.Scene, view: View, folder: Path) -> None:
-    """Put the undistorted photo, kept in a folder, behind a camera that should have one. Raises DataError."""
+def lacks_background(scene: bpy.types.Scene, view: View) -> bool:
+    """Return whether a view's camera should have its photo behind it, and has none."""
     data = camera_of(scene, view.name).data
     is_wanted = data.show_background_images and not data.background_images
-    if is_wanted and view.image is not None and view.image.exists():
-        _set_background(data, photos.straightened(view, folder))
+    return is_wanted and view.image is not None and view.image.exists()
+
+
+def add_background(scene: bpy.types.Scene, view: str, photo: Path) -> None:
+    """Put a picture behind a view's camera. Raises DataError."""
+    _set_background(camera_of(scene, view).data, _load(photo, _images_by_path()))
 
 
 # --- viewing through a camera --------------------------------------------------------------------------------------

@@ -10,7 +10,16 @@ from ..swatches.colors import forget_chart as remove_chart
 from ..swatches.looks import choose as choose_look
 from ..swatches.looks import rename as rename_look
 from ..tasks.runner import Task
-from .capture import SPLAT_VIEWS, check_capture, check_unasked, find_poses, import_capture, import_splat, move_project
+from .capture import (
+    SPLAT_VIEWS,
+    check_capture,
+    check_unasked,
+    find_poses,
+    import_capture,
+    import_splat,
+    leave_out_blurred,
+    move_project,
+)
 from .engine import (
     engine_files,
     engine_status,

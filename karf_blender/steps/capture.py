@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 
 from .. import progress
-from ..engine_api import BadRequest, Capture, DataError, KarfError, Message, Project, Request, hold_out, open_capture
+from ..engine_api import BadRequest, Capture, KarfError, Message, Project, Request, hold_out, open_capture
 from ..host import windows
 from ..host.words import kept
 from ..marking import history, mask_layers
@@ -47,7 +47,8 @@ def import_capture(
     capture = open_capture(path)
     path = _place_of(path, capture)
     karf = scene.karf
-    is_known = bool(karf.project) and karf.capture == folders.stored(path)
+    is_known = bool(karf.project) and folders.place_of(scene, "capture") == path
+    chosen = {view.name: (view.is_learned, view.is_blurred) for view in karf.views} if is_known else {}
     if project is None:
         project = folders.project_of(scene).folder if is_known else folders.default_project(path)
     capture = hold_out(capture, Project(project).holdout() if holdout is None else holdout)
@@ -62,19 +63,21 @@ def import_capture(
             karf.advice, karf.is_poor = "", False
             if karf.capture:  # the masks are of that one's photos
                 karf.masks = ""
-        karf.capture = folders.stored(path)
-        karf.project = folders.stored(project)
+        folders.store(scene, "capture", path)
+        folders.store(scene, "project", project)
         karf.holdout = capture.holdout
         karf.n_points = 0 if capture.points is None else len(capture.points)
         karf.views.clear()
+        left_out = disk.read(scene).left_out
         for each in capture.views:
             item = karf.views.add()
             item.name, item.split = each.name, each.split
+            item.is_learned, item.is_blurred = chosen.get(each.name, (each.name not in left_out, False))
         first = next(iter(capture.split("train")), capture.views[0])  # masks are mostly painted on a view that learns
         karf.active_view = first.name
     try:
         show_camera(scene, capture, first)
-    except DataError as error:  # the rig is built; one unreadable photo must not remove it
+    except KarfError as error:  # the rig is built; one unreadable photo must not remove it
         capture = replace(capture, warnings=(*capture.warnings, error.sentence))
     return capture
 
@@ -159,11 +162,12 @@ def _task_of_new_capture(
 
 def check_capture(scene: bpy.types.Scene, shows_map: bool = True) -> None:
     """Ask the engine how good the scene's capture is; `shows_map`: and show where more photos would help."""
-    masks = folders.absolute(scene.karf.masks) if scene.karf.masks else None
+    masks = folders.place_of(scene, "masks")
     options = {
         "capture": str(captures.path_of(scene)),
         "holdout": max(0, scene.karf.holdout),
         "masks": str(masks) if masks is not None and masks.is_dir() else None,
+        "without": captures.left_out(scene),
     }
     queries.send(scene, "inspect", options, partial(_take_inspection, shows_map))
 
@@ -180,6 +184,8 @@ def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, 
     messages = [Message.from_json(each) for each in values["advice"]]
     scene.karf.advice = "\n".join(map(kept, messages))
     scene.karf.is_poor = values["is_poor"]
+    for view in scene.karf.views:
+        view.is_blurred = view.name in values["blurred"]
     path = folders.project_of(scene).path("inspection", "more_photos.png")
     path.parent.mkdir(exist_ok=True)
     shutil.move(values["picture"], path)
@@ -188,11 +194,21 @@ def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, 
         return
     image = bpy.data.images.get(MAP_NAME)
     if image is None:
-        image = bpy.data.images.load(str(path))
+        image = bpy.data.images.load(folders.stored(path))
         image.name = MAP_NAME
-    image.filepath = str(path)
+    image.filepath = folders.stored(path)
     image.reload()
     editors.reveal(image, is_wanted=True, is_whole=True)
+
+
+def leave_out_blurred(scene: bpy.types.Scene) -> list[str]:
+    """Leave the photos out of learning that `check_capture` has found blurred; return their names."""
+    blurred = [view for view in scene.karf.views if view.is_blurred]
+    if not blurred:
+        raise BadRequest("No blurred photos are known.", "Check the capture first.")
+    for view in blurred:
+        view.is_learned = False
+    return [view.name for view in blurred]
 
 
 def move_project(scene: bpy.types.Scene) -> Path:

@@ -23,7 +23,7 @@ def learn_scene(
     task's result, as of `segment` and `learn_splats`, is the stage's entry in the project (seconds, metrics).
     """
     if nerf is not None:
-        scene.karf.nerf = folders.stored(Path(nerf).absolute())
+        folders.store(scene, "nerf", Path(nerf).absolute())
     jobs = _geometry(scene, preset, overrides), *_imported_splats(scene)
     return requests.task(scene, "Learn Scene", *jobs, result=partial(_entry, scene, "geometry"))
 
@@ -61,11 +61,12 @@ def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> 
         "capture": str(captures.path_of(scene)),
         "preset": scene.karf.preset,
         "overrides": list(overrides),
-        "nerf": folders.absolute_text(scene.karf.nerf) or None,
+        "nerf": folders.text_of(scene, "nerf") or None,
         "holdout": scene.karf.holdout if scene.karf.holdout >= 0 else None,
+        "without": captures.left_out(scene),
         "photo_space": scene.karf.photo_space or None,
-        "ocio": folders.absolute_text(scene.karf.ocio) or None,
-        "masks": str(folders.absolute(scene.karf.masks)) if scene.karf.masks else None,
+        "ocio": folders.text_of(scene, "ocio") or None,
+        "masks": folders.text_of(scene, "masks") or None,
     }
 
 
@@ -75,10 +76,10 @@ def _imported_splats(scene: bpy.types.Scene) -> tuple[requests.Job, ...]:
 
 
 def _segmentation(scene: bpy.types.Scene, folder: Path | None) -> requests.Job:
-    if folder is None and not scene.karf.masks:
+    folder = folder or folders.place_of(scene, "masks")
+    if folder is None:
         raise BadRequest("No masks were chosen.", "Choose a folder with <object>/<photo name>.png, or paint a mask.")
-    folder = folder or folders.absolute(scene.karf.masks)
-    scene.karf.masks = folders.stored(folder)
+    folders.store(scene, "masks", folder)
     return "segmentation", {"masks": str(folder)}
 
 

@@ -132,7 +132,7 @@ def _name(scene: bpy.types.Scene) -> str:
 
 def _choose_folder(scene: bpy.types.Scene) -> None:
     if not scene.karf.masks:
-        scene.karf.masks = folders.stored(folders.project_of(scene).masks_folder)
+        folders.store(scene, "masks", folders.project_of(scene).masks_folder)
 
 
 def add_object(scene: bpy.types.Scene, name: str = objects.FIRST) -> str:

@@ -60,7 +60,7 @@ def render_captured(
 
 def _choose(scene: bpy.types.Scene, out: str | Path | None, skip_existing: bool | None) -> None:
     if out is not None:
-        scene.karf.out = folders.stored(Path(out).absolute())
+        folders.store(scene, "out", Path(out).absolute())
     if skip_existing is not None:
         scene.karf.skip_existing = skip_existing
 
@@ -76,7 +76,7 @@ def _captured_task(scene: bpy.types.Scene, title: str, views: str, size: str | i
 
 def _frames_task(scene: bpy.types.Scene, title: str, job: requests.Job, are_shown: bool) -> Task:
     folder = Path(job[1]["out"]) / "recolor"
-    scene.karf.frames = folders.stored(folder)
+    folders.store(scene, "frames", folder)
 
     def present(found: bpy.types.Scene) -> None:
         progress.warn("The pictures are in {folder}.", folder=folder)
@@ -224,9 +224,9 @@ def warn_of_view_transform(scene: bpy.types.Scene) -> None:
 
 def _frames_in(scene: bpy.types.Scene, folder: str | Path | None) -> list[Path]:
     """Return the pictures of a folder (None: those rendered last); of a camera's frames those of its last job alone."""
-    if folder is None and not scene.karf.frames:
+    folder = Path(folder).absolute() if folder else folders.place_of(scene, "frames")
+    if folder is None:
         raise BadRequest("No frames have been rendered yet.", "Render captured views or a camera's frames first.")
-    folder = Path(folder).absolute() if folder else folders.absolute(scene.karf.frames)
     cameras = folder.parent / "cameras.json"
     names = [view.name for view in open_capture(cameras, photos=False).views] if cameras.is_file() else None
     files = sequences.files_in(folder, names)

@@ -49,7 +49,7 @@ def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = Fals
         progress.warn("The compositor recolors {path} with the node {name}.", path=path, name=node.name)
 
     finish = requests.presenting(present, Message("The layers are in {path}.", path=path), path.parent)
-    spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.absolute_text(scene.karf.ocio) or None}
+    spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.text_of(scene, "ocio") or None}
     job = requests.render(view, out=str(out), layers=True, edit=edit and str(edit), **spaces)
     return requests.task(scene, "Build Compositor", job, finish=finish, result=partial(compositor.find, scene, view))
 

@@ -45,7 +45,7 @@ def export_splat(
     """Write the scene's splats with the swatches as they are to a file, the task's result.
 
     Args:
-        path: `.ply`, `.compressed.ply`, `.spz`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`.
+        path: `.ply`, `.compressed.ply`, `.spz`, `.sog`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`.
         axes: `capture`: its own world; `blender`: at the rig, z up (or as the kind of file defines); `viewers`: y down,
             as most programs show a .ply; `auto`: `capture` for imported splats, else `blender`.
         objects: Only these are cut out; none: the whole scene.

@@ -11,11 +11,11 @@ import bpy
 from ..engine_api import BadRequest, Capture, ErrorSummary, Message, View
 from ..host import windows
 from ..marking import photo
-from ..pictures import editors
+from ..pictures import editors, photos
 from ..project import captures, disk, folders
 from ..rig import cameras, reprojection
 from ..swatches import displayed, palettes
-from ..tasks import queries
+from ..tasks import photo_copies, queries
 from ..tasks.runner import Task
 from . import requests
 
@@ -35,10 +35,12 @@ def leave_view(scene: bpy.types.Scene) -> None:
 
 
 def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
-    """Look through the camera of a view of the scene's capture; raises DataError where its photo cannot be read."""
+    """Look through the camera of a view of the scene's capture; raises KarfError where its photo cannot be read."""
     cameras.look_through(scene, view)
     reprojection.remember(scene, capture, view.name)
-    cameras.add_undistorted_background(scene, view, folders.project_of(scene).photos_folder)
+    if cameras.lacks_background(scene, view):
+        shown = photos.straightened(photo_copies.readable(scene, view), folders.project_of(scene).photos_folder)
+        cameras.add_background(scene, view.name, shown)
 
 
 def reprojection_error(scene: bpy.types.Scene, view: str = "") -> ErrorSummary:

@@ -251,7 +251,7 @@ def import_learned(scene: bpy.types.Scene) -> None:
     project = folders.project_of(scene)
     try:
         if not scene.karf.masks and project.masks_folder.is_dir():
-            scene.karf.masks = folders.stored(project.masks_folder)
+            folders.store(scene, "masks", project.masks_folder)
         if not project.palette_file.exists():  # nothing was learned yet
             return
         palettes = read_palettes(project.verified(project.palette_file))

@@ -314,10 +314,11 @@ def _rendering(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray | None
 
 def _photo(scene: bpy.types.Scene) -> np.ndarray | None:
     """Return the active view's photo, [h, w, 3]; under masks and doubts without lens distortion, as they are."""
-    view = captures.view_of(scene)
-    if view.image is None:
+    view, folder = captures.view_of(scene), folders.project_of(scene).photos_folder
+    view = photos.readable(view, folder) if view.image else None
+    if view is None:
         return None
     is_covered = _seeing().show_masks or _seeing().mode == "UNSURE"
     if is_covered and not photos.is_shown_as_stored(view):
-        return images.read_picture(photos.straightened(view, folders.project_of(scene).photos_folder), PHOTO_SIDE)
+        return images.read_picture(photos.straightened(view, folder), PHOTO_SIDE)
     return photos.read(view, PHOTO_SIDE)

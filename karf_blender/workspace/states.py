@@ -10,7 +10,7 @@ import bpy
 from .. import session
 from ..host import windows
 from ..host.words import translatable
-from ..project import disk, folders
+from ..project import captures, disk, folders
 from ..project.disk import Contents
 from ..tasks import runner
 
@@ -28,6 +28,7 @@ STEP_OF_STAGE = {
 }
 OTHER_PRESET = translatable("Learned with another preset: learn the scene again to use this one.")
 OTHER_NERF = translatable("Learned with another NeRF or without one: learn the scene again to use this choice.")
+OTHER_PHOTOS = translatable("Learned from other photos: learn the scene again to use this choice.")
 OTHER_MARKS = translatable("Marks have changed since then: segment again.")
 OTHER_SCENE = translatable("The scene has been learned again since then: segment again.")
 OTHER_OBJECTS = translatable("The objects have been segmented again since then: extract the palettes again.")
@@ -72,10 +73,12 @@ def _is_done(scene: bpy.types.Scene, step: str, known: Contents) -> bool:
 def _why_stale(scene: bpy.types.Scene, step: str, known: Contents) -> str:
     if step == "learn":
         preset, nerf = known.learned_with
-        if nerf != folders.absolute_text(scene.karf.nerf):
+        if nerf != folders.text_of(scene, "nerf"):
             return OTHER_NERF
         if not nerf and preset not in ("", scene.karf.preset):
             return OTHER_PRESET
+        if known.left_out != set(captures.left_out(scene)):
+            return OTHER_PHOTOS
     if step == "segment" and "segmentation" in known.outdated:
         return OTHER_MARKS if "segmentation" in known.stages else OTHER_SCENE
     if step == "palette" and "recoloring" in known.outdated:

@@ -10,13 +10,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..errors import BadRequest, DataError
+from ..errors import BadRequest, DataError, Message
 from ..io.arguments import check_arguments
 from ..io.plugins import load_plugin, plugin_names
-from .camera import Camera
-from .capture import SPLITS, Capture, View, hold_out, in_space
+from .camera import Camera, Panorama
+from .capture import SPLITS, Capture, View, hold_out, in_space, without_views
 from .colmap import is_colmap, read_colmap
 from .llff import is_llff, read_llff
+from .metashape import is_metashape, read_metashape
+from .opensfm import is_opensfm, read_opensfm
+from .phone_scans import is_polycam, is_record3d, read_polycam, read_record3d
+from .realityscan import is_realityscan, read_realityscan
 from .transforms import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
 
 __all__ = [
@@ -29,6 +33,7 @@ __all__ = [
     "hold_out",
     "in_space",
     "open_capture",
+    "read_capture",
     "register_format",
     "slice_of_views",
     "write_cameras",
@@ -60,13 +65,18 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
 
     Raises:
         BadRequest: `holdout` is invalid.
-        DataError: The path does not exist, is of no known format, or is damaged.
+        DataError: The path does not exist, is of no known format, is damaged, or has 360-degree photos only.
         MissingDependency: A plugin format cannot be loaded.
 
     Example:
         capture = open_capture("garden", holdout=8)
     """
     path = Path(path)
+    return hold_out(_without_panoramas(read_capture(path, photos), path), holdout)
+
+
+def read_capture(path: Path, photos: bool = True) -> Capture:
+    """Read a capture as `open_capture`, with 360-degree photos, whose cameras are `Panorama`s."""
     if not path.exists():
         raise DataError("{path} does not exist.", "Give the capture's folder or its camera file.", path=path)
     for name in plugin_names("karf.formats"):
@@ -81,11 +91,23 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
             markers=markers,
         )
     best, *others = matching
-    capture = hold_out(best.read(path, photos), holdout)
+    capture = best.read(path, photos)
     if path.is_file() or not others:
         return capture
     ignored = " or ".join(known.marker for known in others)
     return replace(capture, warnings=(*capture.warnings, f"{best.marker} was read, not {ignored}: {best.reason}."))
+
+
+def _without_panoramas(capture: Capture, path: Path) -> Capture:
+    names = [view.name for view in capture.views if isinstance(view.camera, Panorama)]
+    if not names:
+        return capture
+    count, total = len(names), len(capture.views)
+    hint = Message('Convert them in a terminal: karf pinhole "{path}" --out FOLDER. Then open that folder.', path=path)
+    if count == total:
+        raise DataError("The photos of {path} are 360-degree photos, not pinhole ones.", hint, path=path)
+    remark = f"{count} of {total} photos were left out, because they are 360-degree photos. {hint}"
+    return replace(without_views(capture, names), warnings=(*capture.warnings, remark))
 
 
 @check_arguments
@@ -129,8 +151,13 @@ def slice_of_views(views: Sequence, first: int | None, last: int | None, count: 
 
 
 FORMATS = [
+    Format("opensfm", "reconstruction.json", "it has the lenses", is_opensfm, read_opensfm),
+    Format("polycam", "keyframes/", "it has the app's own cameras", is_polycam, read_polycam),
+    Format("record3d", "metadata and rgb/", "it has the app's own cameras", is_record3d, read_record3d),
     Format("nerf-synthetic", "transforms_train.json", "it declares the splits", is_nerf_synthetic, read_nerf_synthetic),
     Format("transforms", "transforms.json", "it is made from such files", is_transforms, read_transforms),
     Format("colmap", "sparse/", "it has the lenses and points that others leave out", is_colmap, read_colmap),
+    Format("metashape", "cameras.xml", "it has all lenses", is_metashape, read_metashape),
+    Format("realityscan", "cameras.csv or .xmp files", "it has all lenses", is_realityscan, read_realityscan),
     Format("llff", "poses_bounds.npy", "", is_llff, read_llff),
 ]

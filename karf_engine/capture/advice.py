@@ -24,7 +24,6 @@ MOST_NAMED = 3  # photos listed in a sentence
 POOR_PSNR = 26.5  # dB
 MORE_PHOTOS = 10  # number of proposed photos
 # thresholds of the findings
-BLURRED = 0.65  # sharpness relative to neighboring photos
 ODD_EXPOSURE = 0.3  # stops from the mean
 TINTED = 0.2  # stops between color channels
 REPROJECTION = 1.5  # pixels
@@ -136,24 +135,29 @@ def _findings(found: Inspection) -> Iterator[Message]:
     names = np.array([found.views[n] for n in found.opened])
     brightness = found.exposures.mean(1)
     tints = np.abs(found.exposures - brightness[:, None]).max(1)
-    blurred = found.sharpness < BLURRED
-    if blurred.any():
+    if found.blurred:
         yield Message(
             "Less sharp than the photos beside them: {names}. Take them again, or leave them out.",
-            names=_listed(names[blurred], found.sharpness[blurred]),
+            names=_listed(found.blurred),
         )
     odd = np.abs(brightness) > ODD_EXPOSURE
     if odd.any():
         yield Message(
             "Exposed otherwise than the rest, by up to {stops} stops: {names}. Lock the exposure.",
             stops=f"{np.abs(brightness).max():.1f}",
-            names=_listed(names[odd], -np.abs(brightness[odd])),
+            names=_listed(_sorted(names[odd], -np.abs(brightness[odd]))),
         )
     tinted = tints > TINTED
     if tinted.any():
         yield Message(
             "Of another white balance than the rest: {names}. Lock the white balance.",
-            names=_listed(names[tinted], -tints[tinted]),
+            names=_listed(_sorted(names[tinted], -tints[tinted])),
+        )
+    for profile, count in found.profiles.items():
+        yield Message(
+            "{count} photos are in {profile}: they are learned in sRGB, and recolored copies keep that profile.",
+            count=str(count),
+            profile=profile,
         )
     if found.reprojection > REPROJECTION:
         yield Message(
@@ -182,11 +186,14 @@ def _findings(found: Inspection) -> Iterator[Message]:
             )
 
 
-def _listed(names: np.ndarray, order: np.ndarray) -> str:
-    """List the names with the smallest values, and the number of the others."""
-    worst = [str(name) for name in names[np.argsort(order)]]
-    more = f" (+{len(worst) - MOST_NAMED})" if len(worst) > MOST_NAMED else ""
-    return ", ".join(worst[:MOST_NAMED]) + more
+def _sorted(names: np.ndarray, order: np.ndarray) -> list[str]:
+    return [str(name) for name in names[np.argsort(order)]]
+
+
+def _listed(names: list[str]) -> str:
+    """List the first names, and the number of the others."""
+    more = f" (+{len(names) - MOST_NAMED})" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more
 
 
 # -------------------------------------------------------------------------------------------------------------- the map

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from ..io.arguments import check_arguments, check_array, check_fields, check_num
 from ..io.image_size import MOST_PIXELS
 
 POSE_TOLERANCE = 1e-3  # deviation of a rotation matrix from orthonormal
+IDENTITY = np.eye(4)
 LARGEST_POSITION = 1e12  # its square fits single precision
 LARGEST_SIDE = 10**6  # pixels
+ASPECT_TOLERANCE = 0.01  # of a 360-degree photo's width to twice its height
 
 
 class Limits(NamedTuple):
@@ -54,9 +56,9 @@ class Camera:
         cx: Principal point along u, pixels; width / 2 if centered.
         cy: Principal point along v, pixels.
         camera_to_world: [4, 4] float64, rotation and position in world units.
-        distortion: OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or (k1, k2, k3, k4) of its fisheye model; empty for a
-            pinhole. See the module `distortion`.
-        fisheye: Whether the distortion is of OpenCV's fisheye model.
+        distortion: OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or (k1, k2, k3, k4) of its fisheye model, or the 10 or 12
+            values of one with a thin prism; empty for a pinhole. See the module `distortion`.
+        fisheye: Whether the distortion is of a fisheye model.
 
     Raises:
         TypeError: A field has another type than declared.
@@ -166,6 +168,29 @@ class Camera:
         return np.stack([u.ravel() + 0.5, v.ravel() + 0.5], -1)
 
 
+class Panorama(Camera):
+    """The camera of a 360-degree photo, an equirectangular picture of the whole sphere; readers return it.
+
+    `open_capture` refuses such photos, and `commands.pinhole` converts them. The picture's center looks along -z; columns are
+    the longitude from -180 degrees at the left to 180, with +x in the right half; rows are the latitude from 90 degrees (+y)
+    at the top to -90. In axes right, down, forward so do COLMAP (EquirectangularCameraModel, src/colmap/sensor/models.h),
+    OpenSfM (SphericalProjection, geometry/camera_projections_functions.h) and Metashape (manual, "Spherical cameras"), and in
+    axes right, up, back nerfstudio (cameras/cameras.py).
+    """
+
+    @classmethod
+    def of(cls, label: str, width: int, height: int, camera_to_world: np.ndarray) -> Panorama:
+        """Make the camera. Raises DataError as `check_camera`, or if the picture is not of the whole sphere."""
+        if abs(width - 2 * height) > ASPECT_TOLERANCE * width:
+            raise DataError(
+                f"{label} is a 360-degree photo of {width}x{height} pixels, which is not of the whole sphere.",
+                "Give equirectangular photos that are twice as wide as high.",
+            )
+        focal = width / (2 * math.pi)  # of the picture's center
+        camera = cls(width, height, focal, focal, width / 2, height / 2, camera_to_world)
+        return cast(Panorama, check_camera(camera, label))
+
+
 def find_invalid_parameter(camera: Camera, limits: Limits) -> str:
     """Describe the first parameter outside its limits; empty if all are inside. Comparisons fail for nan."""
     width, height, side = camera.width, camera.height, max(camera.width, camera.height)
@@ -192,9 +217,12 @@ def find_invalid_parameter(camera: Camera, limits: Limits) -> str:
 def is_rigid(pose: np.ndarray, tolerance: float = POSE_TOLERANCE) -> bool:
     """Test whether a matrix [4, 4] is a rigid transform, without scale, shear or mirroring."""
     rotation = pose[:3, :3]
-    if not np.abs(rotation.T @ rotation - np.eye(3)).max() <= tolerance:
+    if not np.abs(rotation.T @ rotation - IDENTITY[:3, :3]).max() <= tolerance:
         return False
-    return bool(np.linalg.det(rotation) > 0 and np.abs(pose[3] - [0, 0, 0, 1]).max() <= tolerance)
+    x, y, z = rotation.tolist()  # numpy's determinant takes several times as long, for each of thousands of photos
+    across = (y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0])
+    determinant = sum(a * b for a, b in zip(x, across, strict=True))
+    return bool(determinant > 0 and np.abs(pose[3] - IDENTITY[3]).max() <= tolerance)
 
 
 def check_camera(camera: Camera, label: str, hint: str = "Export the cameras again.") -> Camera:

@@ -19,15 +19,17 @@ import numpy as np
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_arguments, check_choice, check_fields
 from ..io.color_spaces import ColorSpace
-from ..io.names import check_name, check_names, file_name
+from ..io.matching import mask_stems
+from ..io.names import case_folded, check_name, check_names, file_name
 from .camera import LARGEST_POSITION, Camera, check_camera, read_camera
+from .distortion import RAD_TAN_KEYS, THIN_PRISM_KEYS
 
 SCHEMA = "karf-capture/1"
 WITH_SPLATS = "karf-capture/2"  # adds `splats`, which older readers would ignore
 WITH_SPACES = "karf-capture/3"  # adds `color_space`, which older readers would ignore
 UNIT_GAINS = (1.0, 1.0, 1.0)  # gains of a photo with the mean exposure
 SPLITS = ("train", "val", "test")
-MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
+MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class View:
         depth_bounds: Nearest and farthest depth in world units; None if unknown.
         space: Color space of the photo's file; None: sRGB, for EXR linear light with its primaries.
         gains: Exposure relative to the mean of all photos: factors of red, green and blue in sRGB.
+        mask: File name that the capture gives the photo's mask (nerfstudio's `mask_path`); empty: that of the photo.
 
     Example:
         height, width = capture.view("r_003").camera.height, capture.view("r_003").camera.width
@@ -56,6 +59,7 @@ class View:
     depth_bounds: tuple[float, float] | None = None
     space: ColorSpace | None = field(default=None, kw_only=True)
     gains: tuple[float, float, float] = field(default=UNIT_GAINS, kw_only=True)
+    mask: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -196,6 +200,21 @@ def with_split(capture: Capture, names: Collection[str], split: str) -> Capture:
     )
 
 
+def leave_out(capture: Capture, names: Collection[str]) -> Capture:
+    """Move photos to the split `val`: nothing is learned from them, they can still be recolored.
+
+    Raises DataError if there is no view of a name.
+    """
+    return with_split(capture, [capture.view(name).name for name in names], "val")
+
+
+def without_views(capture: Capture, names: Collection[str]) -> Capture:
+    """Remove the views of these names, and their observations of sparse points."""
+    kept = [number for number, view in enumerate(capture.views) if view.name not in names]
+    points = None if capture.points is None else capture.points.seen_by(kept)
+    return replace(capture, views=tuple(capture.views[number] for number in kept), points=points)
+
+
 def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, Any]:
     """Convert a capture to its canonical JSON, with paths relative to `folder` besides the absolute ones."""
     splats, schema = None, SCHEMA  # the oldest that can represent the capture
@@ -226,6 +245,7 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
                 "depth_bounds": view.depth_bounds,
                 **({} if view.space is None else {"color_space": asdict(view.space)}),
                 **({} if view.gains == UNIT_GAINS else {"gains": list(view.gains)}),
+                **({"mask": view.mask} if view.mask else {}),
             }
             for view in capture.views
         ],
@@ -257,7 +277,8 @@ def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
     pose = np.array(entry["camera_to_world"], np.float64).reshape(4, 4)
     lens = tuple(map(float, entry["distortion"])), bool(entry.get("fisheye", False))
     camera = read_camera(label, width, height, fx, fy, cx, cy, pose, *lens, hint="Import the capture again.")
-    if len(camera.distortion) > 8 or entry["split"] not in SPLITS:
+    lengths = (*range(5), len(THIN_PRISM_KEYS), len(RAD_TAN_KEYS)) if camera.fisheye else range(9)
+    if len(camera.distortion) not in lengths or entry["split"] not in SPLITS:
         raise ValueError(f"{label}: its pose, lens or split")
     space, bounds = entry.get("color_space"), entry.get("depth_bounds")
     if bounds is not None:
@@ -277,6 +298,7 @@ def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
         depth_bounds=bounds,
         space=None if space is None else ColorSpace(str(space["name"]), str(space["config"])),
         gains=(red, green, blue),
+        mask=str(entry.get("mask", "")),
     )
 
 
@@ -318,16 +340,27 @@ def mask_files(folder: Path) -> list[Path]:
     return sorted(path for path in found if path.suffix.lower() in MASK_SUFFIXES)
 
 
-def matches_view(below: Path, view: View) -> bool:
-    """Test whether a mask, by its path below the object's folder, can belong to a view."""
-    stem = file_name(below.stem)
-    if len(below.parts) == 1:
-        return stem in (view.name, view.stem)
-    folders = below.parts[:-1]
-    return view.image is not None and stem == view.stem and view.image.parts[:-1][-len(folders) :] == folders
+def mask_rank(below: Path, view: View) -> int | None:
+    """Return how closely a mask's path below the object's folder names a view, 0 best; None if it names another photo.
+
+    A mask is called as the view or its photo, see `mask_stems`, or as the capture calls it. Case and Unicode form do not
+    count. In subfolders it is called as the photo in the same subfolders.
+    """
+    keys = [case_folded(file_name(stem)) for stem in mask_stems(below.name)]
+    folders = [case_folded(part) for part in below.parts[:-1]]
+    if folders:
+        outer = () if view.image is None else view.image.parts[:-1][-len(folders) :]
+        names = [view.stem] if folders == [case_folded(part) for part in outer] else []
+    else:
+        names = [view.name, view.stem]
+    ranks = [keys.index(key) for key in map(case_folded, names) if key in keys]
+    if not ranks and names and view.mask and case_folded(view.mask) == case_folded(below.name):
+        return len(keys)
+    return min(ranks, default=None)
 
 
 def masks_of_view(folder: Path, view: View) -> list[Path]:
-    """Return the masks of an object that can belong to a view; several if stems repeat, exact names first."""
-    masks = [path for path in mask_files(folder) if matches_view(path.relative_to(folder), view)]
-    return sorted(masks, key=lambda path: file_name(path.stem) != view.name)
+    """Return the masks of an object that can belong to a view; several if stems repeat, closest names first."""
+    ranked = [(mask_rank(path.relative_to(folder), view), path) for path in mask_files(folder)]
+    named = [(rank, file_name(path.stem) != view.name, path) for rank, path in ranked if rank is not None]
+    return [path for *_, path in sorted(named)]

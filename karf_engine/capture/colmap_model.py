@@ -21,7 +21,7 @@ from .camera import LARGEST_POSITION
 from .reader_utils import read_bytes, read_text
 
 AGAIN = "Copy the file again, or export the model again from COLMAP."
-MODELS = {  # id: (camera model, parameters in file order)
+MODELS = {  # id: (camera model, parameters in file order; coefficients of polynomials and prisms by OpenCV's names)
     0: ("SIMPLE_PINHOLE", "f cx cy"),
     1: ("PINHOLE", "fx fy cx cy"),
     2: ("SIMPLE_RADIAL", "f cx cy k1"),
@@ -32,8 +32,8 @@ MODELS = {  # id: (camera model, parameters in file order)
     7: ("FOV", "fx fy cx cy omega"),
     8: ("SIMPLE_RADIAL_FISHEYE", "f cx cy k1"),
     9: ("RADIAL_FISHEYE", "f cx cy k1 k2"),
-    10: ("THIN_PRISM_FISHEYE", "fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1"),
-    11: ("RAD_TAN_THIN_PRISM_FISHEYE", "fx fy cx cy k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3"),
+    10: ("THIN_PRISM_FISHEYE", "fx fy cx cy k1 k2 p1 p2 k3 k4 s1 s3"),
+    11: ("RAD_TAN_THIN_PRISM_FISHEYE", "fx fy cx cy k1 k2 k3 k4 k5 k6 p2 p1 s1 s2 s3 s4"),
     12: ("SIMPLE_DIVISION", "f cx cy k"),
     13: ("DIVISION", "fx fy cx cy k"),
     14: ("SIMPLE_FISHEYE", "f cx cy"),

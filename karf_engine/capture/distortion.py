@@ -1,14 +1,23 @@
 """OpenCV's perspective and fisheye lens distortion in numpy, of points and of photos for Blender's backgrounds.
 
 With x, y the pinhole's normalized coordinates (x right, y down, depth 1) and r^2 = x^2 + y^2 (OpenCV documentation,
-calib3d and fisheye)::
+calib3d and fisheye; src/colmap/sensor/models.h)::
 
     perspective   x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
                   y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
     fisheye       a = atan(r),  (x', y') = (x, y) / r * (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9)
+
+COLMAP's fisheye models with a thin prism add to (x', y'), with u, v, q^2 = u^2 + v^2::
+
+    2 p1 u v + p2 (q^2 + 2 u^2) + s1 q^2 + s2 q^4,  p1 (q^2 + 2 v^2) + 2 p2 u v + s3 q^2 + s4 q^4
+
+THIN_PRISM_FISHEYE takes (u, v) = (x, y) / r * a, without s2 and s4; RAD_TAN_THIN_PRISM_FISHEYE takes (u, v) = (x', y'), and
+continues the polynomial by k5 a^11 + k6 a^13.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,6 +28,10 @@ GRADIENT_STEP = 1e-3  # step of difference quotients, pixels
 TOLERANCE = 1e-4  # final residual of the inversion, pixels
 LENS_STEP = 0.5  # half step of central differences, pixels
 NEAR_STEPS = 3  # Newton steps from a near guess
+# coefficients of fisheye models in the order of `Camera.distortion`
+FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
+THIN_PRISM_KEYS = (*FISHEYE_KEYS, "p1", "p2", "s1", "s2", "s3", "s4")
+RAD_TAN_KEYS = (*FISHEYE_KEYS, "k5", "k6", "p1", "p2", "s1", "s2", "s3", "s4")
 BLOCK_ROWS = 16  # rows undistorted at a time, so that intermediate results fit the CPU cache
 
 
@@ -99,14 +112,35 @@ def _perspective(plane: np.ndarray, distortion: tuple[float, ...]) -> np.ndarray
 
 
 def _fisheye(plane: np.ndarray, distortion: tuple[float, ...]) -> np.ndarray:
-    k1, k2, k3, k4 = (*distortion, *[0.0] * 4)[:4]
+    is_radial_first = len(distortion) == len(RAD_TAN_KEYS)
+    radial, prism = (distortion[:6], distortion[6:]) if is_radial_first else (distortion[:4], distortion[4:])
     radius = np.linalg.norm(plane, axis=-1, keepdims=True)
     angle = np.arctan(radius)
     a2 = angle * angle
-    distorted = angle * (1 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))))
-    is_valid = 1 + a2 * (3 * k1 + a2 * (5 * k2 + a2 * (7 * k3 + a2 * 9 * k4))) > 0
+    distorted = angle * _polynomial((1, *radial), a2)
+    is_valid = _polynomial([(2 * n + 1) * k for n, k in enumerate((1, *radial))], a2) > 0
     factor = np.where(radius > 1e-8, distorted / np.maximum(radius, 1e-8), 1.0)  # the limit at the center is 1
-    return plane * np.where(is_valid, factor, np.nan)
+    result = plane * np.where(is_valid, factor, np.nan)
+    if not any(prism):
+        return result
+    return result + _prism(result if is_radial_first else plane * (angle / np.maximum(radius, 1e-8)), prism)
+
+
+def _polynomial(coefficients: Sequence[float], x: np.ndarray) -> np.ndarray | float:
+    """Evaluate c0 + c1 x + c2 x^2 + ..."""
+    total: np.ndarray | float = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        total = coefficient + x * total
+    return total
+
+
+def _prism(plane: np.ndarray, coefficients: tuple[float, ...]) -> np.ndarray:
+    p1, p2, s1, s2, s3, s4 = coefficients
+    u, v = plane[..., 0], plane[..., 1]
+    q2 = u * u + v * v
+    du = 2 * p1 * u * v + p2 * (q2 + 2 * u * u) + q2 * (s1 + q2 * s2)
+    dv = p1 * (q2 + 2 * v * v) + 2 * p2 * u * v + q2 * (s3 + q2 * s4)
+    return np.stack([du, dv], -1)
 
 
 # --------------------------------------------------------------------------------------------------------------- photos

@@ -6,6 +6,7 @@ front of both.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..io.color import srgb_to_linear, to_bytes
-from ..io.images import alpha_composite, read_mask, resize
+from ..io.images import alpha_composite, embedded_space, read_mask, resize
 from .camera import Camera
 from .capture import Capture, View, masks_of_view
 from .placement import Placement, measure_placement, seen_by_few
@@ -37,6 +38,7 @@ LOWE_RATIO = 0.8  # distance of the best match over the second best (Lowe 2004)
 NEAR = 2.0  # largest reprojection error of an agreeing match, pixels
 LEAST_ANGLE = 0.5  # smallest angle between rays, degrees
 FEW = 5  # agreeing matches needed for a pair's exposure
+BLURRED = 0.65  # sharpness relative to neighboring photos
 EXPOSED = (0.02, 0.9)  # range of linear light between noise and clipping
 
 
@@ -57,6 +59,13 @@ class Inspection:
     reprojection: float
     seen_by_few: float  # share of the visible scene in at most two photos
     thin: Mapping[str, float]  # share of each masked object that is thinner than `THIN` pixels
+    profiles: Mapping[str, int]  # number of opened photos in each color profile but sRGB, by its name
+
+    @property
+    def blurred(self) -> list[str]:
+        """Names of the opened photos that are less sharp than their neighbors, the worst first."""
+        order = np.argsort(self.sharpness)
+        return [self.views[self.opened[n]] for n in order if self.sharpness[n] < BLURRED]
 
     def to_json(self) -> dict[str, Any]:
         """Return the figures as JSON values, null if unknown."""
@@ -68,6 +77,8 @@ class Inspection:
             "spacing_degrees": round(place.spacing, 2),
             "widest_hole_degrees": round(width, 1),
             "sharpness": dict(zip(names, self.sharpness.round(3).tolist(), strict=True)),
+            "blurred": self.blurred,
+            "color_profiles": dict(self.profiles),
             "exposure_stops": dict(zip(names, self.exposures.round(3).tolist(), strict=True)),
             "plainness_db": round(self.plainness, 2),
             "is_matte": self.is_matte,
@@ -114,7 +125,13 @@ def inspect_capture(capture: Capture, masks: Path | None = None) -> Inspection:
         reprojection=_reprojection(capture, views, found),
         seen_by_few=seen_by_few(cameras, placement.center),
         thin=dict(_thin_objects(masks, views)) if masks is not None else {},
+        profiles=_profiles([image.view for image in images]),
     )
+
+
+def _profiles(views: Sequence[View]) -> dict[str, int]:
+    spaces = [embedded_space(view.image) for view in views if view.image is not None and view.space is None]
+    return dict(Counter(space.name for space in spaces if space is not None))
 
 
 def _reprojection(capture: Capture, views: Sequence[View], found: _Matches) -> float:

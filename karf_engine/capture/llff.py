@@ -16,9 +16,10 @@ import numpy as np
 
 from ..errors import DataError, is_out_of_memory
 from ..io.image_size import image_size
+from ..io.matching import find_entry
 from .camera import LARGEST_POSITION, Camera, read_camera
 from .capture import Capture
-from .reader_utils import at_photo, make_views, merge_notes, photos_in, read_bytes, rigid_pose
+from .reader_utils import at_photo, make_views, merge_notes, photos_in, read_bytes, read_each, rigid_pose
 
 POSES = "poses_bounds.npy"
 SHARED_INTRINSICS = "hwf_cxcy.npy"
@@ -26,7 +27,7 @@ SHARED_INTRINSICS = "hwf_cxcy.npy"
 
 def is_llff(path: Path) -> bool:
     """Test whether `path` is a poses_bounds.npy or a folder with one."""
-    return path.name == POSES if path.is_file() else (path / POSES).exists()
+    return path.name.lower() == POSES if path.is_file() else find_entry(path, POSES).exists()
 
 
 def read_llff(path: Path, photos: bool) -> Capture:
@@ -35,25 +36,29 @@ def read_llff(path: Path, photos: bool) -> Capture:
     Photos come from the `images*` folder with one photo per pose, the one with the largest photos. Without `photos`,
     views are named by row. Raises DataError if a file is missing or damaged.
     """
-    file = path if path.is_file() else path / POSES
+    file = path if path.is_file() else find_entry(path, POSES)
     table = _table(file)
     images = _photos(file, len(table)) if photos else [None] * len(table)
     shared = _shared_intrinsics(file) if table.shape[1] == 14 else None
-    cameras, notes = [], []
-    for number, (row, image) in enumerate(zip(table, images, strict=True)):
-        camera, camera_notes = _camera(row, shared, f"{file}, row {number}")
-        camera, size_notes = at_photo(camera, image)
-        cameras.append(camera)
-        notes += camera_notes + size_notes
-    stems = [image.stem if image else f"{number:03d}" for number, image in enumerate(images)]
-    views = make_views(cameras, images, stems, ["train"] * len(table))
-    is_range = (table[:, -2] > 0) & (table[:, -1] > table[:, -2]) & (table[:, -1] <= LARGEST_POSITION)
+
+    def read(number: int) -> tuple[int, Camera, list[str]]:
+        camera, notes = _camera(table[number], shared, f"{file}, row {number}")
+        camera, size_notes = at_photo(camera, images[number])
+        return number, camera, notes + size_notes
+
+    entries, remarks = read_each(range(len(table)), read, skip=photos)
+    numbers = [number for number, *_ in entries]
+    notes = [note for *_, own in entries for note in own]
+    rows, files = table[numbers], [images[number] for number in numbers]
+    stems = [image.stem if image else f"{number:03d}" for number, image in zip(numbers, files, strict=True)]
+    views = make_views([camera for _, camera, _ in entries], files, stems, ["train"] * len(numbers))
+    is_range = (rows[:, -2] > 0) & (rows[:, -1] > rows[:, -2]) & (rows[:, -1] <= LARGEST_POSITION)
     views = [
         replace(view, depth_bounds=(float(row[-2]), float(row[-1])) if usable else None)
-        for view, row, usable in zip(views, table, is_range, strict=True)
+        for view, row, usable in zip(views, rows, is_range, strict=True)
     ]
     notes += ["depth bounds that are not a range of positive depths were left out."] * int((~is_range).sum())
-    return Capture(path.absolute(), "llff", tuple(views), tuple(merge_notes(notes)))
+    return Capture(path.absolute(), "llff", tuple(views), (*remarks, *merge_notes(notes)))
 
 
 def _table(file: Path) -> np.ndarray:
@@ -85,7 +90,7 @@ def _load(file: Path) -> np.ndarray:
 
 def _shared_intrinsics(file: Path) -> np.ndarray:
     """Read (height, width, fx, fy, cx, cy) beside poses of 14 columns."""
-    sidecar = file.with_name(SHARED_INTRINSICS)
+    sidecar = find_entry(file.parent, SHARED_INTRINSICS)
     if not sidecar.exists():
         raise DataError(
             f"{file} has 14 columns, poses without focal lengths, and no {SHARED_INTRINSICS} lies beside it.",
@@ -121,7 +126,7 @@ def _camera(row: np.ndarray, shared: np.ndarray | None, label: str) -> tuple[Cam
 def _photos(file: Path, count: int) -> list[Path]:
     """Return `count` sorted photos of the `images*` folder with exactly as many; of several, the largest photos."""
     folder = file.parent
-    candidates = sorted(folder.glob("images*")) or [folder]
+    candidates = sorted(folder.glob("[Ii]mages*")) or [folder]
     by_folder = {candidate: photos for candidate in candidates if (photos := photos_in(candidate))}
     if not by_folder:
         raise DataError(

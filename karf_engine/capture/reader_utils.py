@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from ..errors import DataError
 from ..io.files import check_file, refusing_unreadable
 from ..io.image_size import LFS_POINTER, image_header
+from ..io.matching import is_photo
 from ..io.names import case_folded, file_name
 from .camera import LARGEST_POSITION, Camera, is_rigid
 from .capture import View
+from .distortion import FISHEYE_KEYS
 
-PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".tif", ".tiff", ".bmp", ".exr")
 LENS_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
 UNIT_TOLERANCE = 1e-5  # deviation of a scale from 1 that single precision explains
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 # ---------------------------------------------------------------------------------------------------------------- files
@@ -63,10 +66,42 @@ def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, l
     return unscaled, [f"the rotation had a scale of {scale:.6g}, which was removed."]
 
 
-def opencv_distortion(coefficients: Mapping[str, float], fisheye: bool) -> tuple[float, ...]:
-    """Convert coefficients by OpenCV's names, 0 if absent, to the shortest equivalent `Camera.distortion`."""
-    values = [float(coefficients.get(key, 0.0)) for key in (FISHEYE_KEYS if fisheye else LENS_KEYS)]
-    lengths = (0, 4) if fisheye else (0, 4, 5, 8)
+def pose_of_opencv(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """Convert a pose from world to a camera with axes right, down and forward to camera_to_world [4, 4]."""
+    camera_to_world = np.eye(4)
+    camera_to_world[:3, :3] = rotation.T * (1, -1, -1)
+    camera_to_world[:3, 3] = -rotation.T @ translation
+    return camera_to_world
+
+
+def rotation_of_quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
+    """Return the rotation matrix [3, 3] of a quaternion of any length but 0."""
+    w, x, y, z = (np.array([w, x, y, z]) / np.linalg.norm([w, x, y, z])).tolist()
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def rotation_of_vector(vector: np.ndarray) -> np.ndarray:
+    """Return the rotation matrix [3, 3] of a vector along its axis, as long as its angle in radians."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector / max(angle, 1e-12) * np.sin(angle / 2)
+    return rotation_of_quaternion(float(np.cos(angle / 2)), x, y, z)
+
+
+def opencv_distortion(
+    coefficients: Mapping[str, float], fisheye: bool, fisheye_keys: tuple[str, ...] = FISHEYE_KEYS
+) -> tuple[float, ...]:
+    """Convert coefficients by OpenCV's names, 0 if absent, to the shortest equivalent `Camera.distortion`.
+
+    `fisheye_keys` are those of one of the fisheye models in the module `distortion`.
+    """
+    values = [float(coefficients.get(key, 0.0)) for key in (fisheye_keys if fisheye else LENS_KEYS)]
+    lengths = (0, 4, len(fisheye_keys)) if fisheye else (0, 4, 5, 8)
     return tuple(values[: next(length for length in lengths if not any(values[length:]))])
 
 
@@ -75,7 +110,7 @@ def photos_in(folder: Path) -> list[Path]:
     """Return the photos directly in a folder, sorted; none if the folder is missing."""
     if not folder.is_dir():
         return []
-    files = (path for path in folder.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES and path.name[0] != ".")
+    files = (path for path in folder.iterdir() if is_photo(path) and path.name[0] != ".")
     return sorted(path for path in files if path.is_file())
 
 
@@ -139,6 +174,25 @@ def unique_names(stems: list[tuple[str, str]]) -> list[str]:
         taken.add(case_folded(name))
         names.append(name)
     return names
+
+
+def read_each(items: Sequence[T], read: Callable[[T], R], skip: bool) -> tuple[list[R], list[str]]:
+    """Read every photo's entry; with `skip`, leave out those with an error, and return a remark that counts them.
+
+    Raises the first DataError without `skip`, or if no entry can be read: the fault is in all of them.
+    """
+    results: list[R] = []
+    errors: list[DataError] = []
+    for item in items:
+        try:
+            results.append(read(item))
+        except DataError as error:
+            errors.append(error)
+            if not skip:
+                break
+    if errors and not (skip and results):
+        raise errors[0]
+    return results, [f"{len(errors)} of {len(items)} photos were left out: {errors[0].sentence}"] if errors else []
 
 
 def merge_notes(notes: Iterable[str]) -> list[str]:

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from ..errors import BadRequest, DataError
-from ..io.images import alpha_composite, read_photo, resize, unpremultiply
+from ..io.icc import Space
+from ..io.images import alpha_composite, convert_to_srgb, embedded_space, read_photo, resize, unpremultiply
 from .camera import Camera, wrong_size_error
 from .capture import View
 from .distortion import distort
@@ -45,8 +46,26 @@ def load_views(views: Sequence[View], long_side: int) -> list[TrainingImage]:
     return [_load_view(view, long_side) for view in views]
 
 
+def load_readable_views(views: Sequence[View], long_side: int) -> tuple[list[TrainingImage], dict[str, DataError]]:
+    """Load as `load_views`, but return the errors of photos that cannot be read, by view name.
+
+    Raises the first error if no photo can be read.
+    """
+    images: list[TrainingImage] = []
+    errors: dict[str, DataError] = {}
+    for view in views:
+        try:
+            images.append(_load_view(view, long_side))
+        except DataError as error:
+            errors[view.name] = error
+    if errors and not images:
+        raise next(iter(errors.values()))
+    return images, errors
+
+
 def _load_view(view: View, long_side: int) -> TrainingImage:
-    photo = read_photo_of_view(view)
+    photo = read_photo_of_view(view, by_profile=False)
+    space = None if view.space or view.image is None else embedded_space(view.image)
     camera = view.camera
     small = camera.reduced(long_side)
     width, height = small.width, small.height
@@ -54,7 +73,7 @@ def _load_view(view: View, long_side: int) -> TrainingImage:
     if opaque:
         photo = photo[..., :3]
     if camera.is_pinhole and (width, height) == (camera.width, camera.height):
-        return TrainingImage(view, camera, photo[..., :3], None if opaque else photo[..., 3], None)
+        return TrainingImage(view, camera, _to_srgb(photo[..., :3], space), None if opaque else photo[..., 3], None)
 
     if not opaque:  # premultiply, so that colors of transparent pixels are not averaged in
         photo[..., :3] *= photo[..., 3:]
@@ -67,10 +86,14 @@ def _load_view(view: View, long_side: int) -> TrainingImage:
     return TrainingImage(
         view,
         pinhole.scaled(width, height),
-        photo if opaque else unpremultiply(photo),
+        _to_srgb(photo if opaque else unpremultiply(photo), space),
         None if opaque else photo[..., 3],
         None if valid.all() else valid,
     )
+
+
+def _to_srgb(colors: np.ndarray, space: Space | None) -> np.ndarray:
+    return colors if space is None else convert_to_srgb(colors, space)
 
 
 def load_target_image(view: View, picture: Path, long_side: int) -> np.ndarray:
@@ -93,15 +116,15 @@ def load_target_image(view: View, picture: Path, long_side: int) -> np.ndarray:
     return resize(alpha_composite(pixels[..., :3], alpha), camera.width, camera.height)
 
 
-def read_photo_of_view(view: View) -> np.ndarray:
+def read_photo_of_view(view: View, by_profile: bool = True) -> np.ndarray:
     """Read a view's photo in its camera's orientation, sRGB float32 [H, W, 3 or 4] in [0, 1] with straight alpha.
 
-    Raises DataError if the photo is missing, damaged or of another size than its camera.
+    See `read_photo` for `by_profile`. Raises DataError if the photo is missing, damaged or of another size than its camera.
     """
     path = photo_path(view)
     size, shape = (view.camera.height, view.camera.width), ()
     for upright in (True, False):
-        photo = read_photo(path, upright, view.space)
+        photo = read_photo(path, upright, view.space, by_profile)
         if photo.shape[:2] == size:
             return photo
         shape = photo.shape

@@ -2,7 +2,8 @@
 
 Formats: the Blender script of NeRF (Mildenhall et al. 2020), instant-ngp's docs/nerf_dataset_tips.md and nerfstudio's data
 conventions. All use OpenGL axes and pixel corners at integers, as `Camera`. k1..k6, p1, p2 are OpenCV's, of its fisheye
-model if `camera_model` or `is_fisheye` says so. nerfstudio's `applied_transform` is already applied to poses and points,
+model if `camera_model` or `is_fisheye` says so; fisheye lenses with a thin prism (see `distortion`) have COLMAP's names of
+their models, and k1..k6, p1, p2, s1..s4. nerfstudio's `applied_transform` is already applied to poses and points,
 so it is ignored, as are training settings. Our extension: `splat_file_path` names splats of another program in the world
 of the poses, and `splat_antialiased` is `CapturedSplats.is_antialiased`.
 
@@ -16,7 +17,7 @@ import math
 import os
 from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -24,25 +25,33 @@ import numpy as np
 
 from ..errors import DataError
 from ..io.files import read_json, write_json
-from .camera import LARGEST_SIDE, Camera, check_camera, read_camera
+from ..io.matching import FileFinder, find_entry, is_photo
+from .camera import LARGEST_SIDE, Camera, Panorama, check_camera, read_camera
 from .capture import SPLITS, Capture, CapturedSplats, SparsePoints, View
+from .distortion import FISHEYE_KEYS, RAD_TAN_KEYS, THIN_PRISM_KEYS
 from .reader_utils import (
-    FISHEYE_KEYS,
     LENS_KEYS,
-    PHOTO_SUFFIXES,
     at_size,
     exists,
     make_views,
     merge_notes,
     opencv_distortion,
     photo_size,
+    read_each,
     rigid_pose,
 )
 from .sparse_points import read_points
 
 SYNTHETIC_FILES = {f"transforms_{split}.json": split for split in SPLITS}
 PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
-FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
+FISHEYE = {  # camera model: names of its coefficients
+    "OPENCV_FISHEYE": FISHEYE_KEYS,
+    "SIMPLE_RADIAL_FISHEYE": FISHEYE_KEYS,
+    "RADIAL_FISHEYE": FISHEYE_KEYS,
+    "THIN_PRISM_FISHEYE": THIN_PRISM_KEYS,
+    "RAD_TAN_THIN_PRISM_FISHEYE": RAD_TAN_KEYS,
+}
+PANORAMA = "EQUIRECTANGULAR"
 MOST_PARTS = 32  # trailing path components to try in searches for photos
 
 
@@ -50,12 +59,12 @@ MOST_PARTS = 32  # trailing path components to try in searches for photos
 def is_nerf_synthetic(path: Path) -> bool:
     """Test whether `path` is a folder with transforms_train.json, or a split file beside it."""
     folder = path if path.is_dir() else path.parent if path.name in SYNTHETIC_FILES else None
-    return folder is not None and (folder / "transforms_train.json").is_file()
+    return folder is not None and find_entry(folder, "transforms_train.json").is_file()
 
 
 def is_transforms(path: Path) -> bool:
     """Test whether `path` is a folder with transforms.json, or any JSON file."""
-    return (path / "transforms.json").is_file() or (path.is_file() and path.suffix.lower() == ".json")
+    return find_entry(path, "transforms.json").is_file() or (path.is_file() and path.suffix.lower() == ".json")
 
 
 def read_nerf_synthetic(path: Path, photos: bool) -> Capture:
@@ -66,8 +75,8 @@ def read_nerf_synthetic(path: Path, photos: bool) -> Capture:
     if path.is_file() and not photos:
         return read_transforms(path, photos)
     folder = path if path.is_dir() else path.parent
-    files = [(folder / name, split) for name, split in SYNTHETIC_FILES.items() if (folder / name).is_file()]
-    return _read(path, "nerf-synthetic", files, photos)
+    files = [(find_entry(folder, name), split) for name, split in SYNTHETIC_FILES.items()]
+    return _read(path, "nerf-synthetic", [entry for entry in files if entry[0].is_file()], photos)
 
 
 def read_transforms(path: Path, photos: bool) -> Capture:
@@ -76,15 +85,20 @@ def read_transforms(path: Path, photos: bool) -> Capture:
     With `photos`, frames without one are skipped with a remark, and sizes are those of the photos; else the file must
     declare sizes. Raises DataError if the file is damaged, or no photo is found.
     """
-    file = path if path.is_file() else path / "transforms.json"
+    file = path if path.is_file() else find_entry(path, "transforms.json")
     return _read(path, "transforms", [(file, SYNTHETIC_FILES.get(file.name, ""))], photos)
 
 
 def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos: bool) -> Capture:
-    per_file = [_read_frames(file, split) for file, split in files]
+    remarks: list[str] = []
+    per_file = []
+    for file, split in files:
+        group, frame_remarks = _read_frames(file, split, skip=photos)
+        per_file.append(group)
+        remarks += frame_remarks
     frames = [frame for group in per_file for frame in group]
     if not photos:
-        return Capture(source.absolute(), format_name, tuple(_views([(frame, None) for frame in frames])[0]))
+        return Capture(source.absolute(), format_name, tuple(_views([(frame, None) for frame in frames], False)[0]))
     points, point_remarks = _points(frames[0])
     splats = _splats(frames[0])
     images = [image for group in per_file for image in _find_photos(group)]
@@ -100,11 +114,11 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
             first=first,
             folder=frames[0].file.parent,
         )
-    views, remarks = _views(pairs)
     if missing:
         first = missing[0].fields["file_path"][:200]
-        remarks.insert(0, f"{len(missing)} of {len(frames)} photos are missing and were skipped; the first is {first}.")
-    remarks += point_remarks
+        remarks.append(f"{len(missing)} of {len(frames)} photos are missing and were skipped; the first is {first}.")
+    views, view_remarks = _views(pairs, True)
+    remarks += view_remarks + point_remarks
     return Capture(source.absolute(), format_name, tuple(views), tuple(remarks), points, splats=splats)
 
 
@@ -137,14 +151,19 @@ def _file_beside(frame: _Frame, key: str) -> Path | None:
     return frame.file.parent.joinpath(*PurePosixPath(name.replace("\\", "/")).parts)
 
 
-def _views(pairs: Sequence[tuple[_Frame, Path | None]]) -> tuple[list[View], list[str]]:
-    """Return the views in frame order, and merged notes about their cameras."""
-    cameras = [_camera(frame, image) for frame, image in pairs]
-    images = [image for _, image in pairs]
-    stems = [_stem(frame, image) for frame, image in pairs]
-    splits = [frame.split or "train" for frame, _ in pairs]
-    views = make_views([camera for camera, _ in cameras], images, stems, splits)
-    return views, merge_notes(note for _, notes in cameras for note in notes)
+def _views(pairs: Sequence[tuple[_Frame, Path | None]], skip: bool) -> tuple[list[View], list[str]]:
+    """Return the views in frame order, without damaged ones if `skip`, and merged notes about their cameras."""
+
+    def read(pair: tuple[_Frame, Path | None]) -> tuple[_Frame, Path | None, Camera, list[str]]:
+        return *pair, *_camera(*pair)
+
+    entries, remarks = read_each(pairs, read, skip)
+    stems = [image.stem if image else _bare_stem(frame) for frame, image, _, _ in entries]
+    splits = [frame.split or "train" for frame, *_ in entries]
+    views = make_views([entry[2] for entry in entries], [entry[1] for entry in entries], stems, splits)
+    masks = [frame.mask for frame, *_ in entries]
+    views = [replace(view, mask=mask) if mask else view for view, mask in zip(views, masks, strict=True)]
+    return views, remarks + merge_notes(note for *_, notes in entries for note in notes)
 
 
 # --------------------------------------------------------------------------------------------------------------- frames
@@ -157,6 +176,12 @@ class _Frame:
     parts: tuple[str, ...]  # path components of its `file_path`
     fields: Mapping[str, Any]  # override the file's global fields
     split: str  # empty if the file declares none
+
+    @property
+    def mask(self) -> str:
+        """The file name of nerfstudio's `mask_path`, or an empty string."""
+        path = self.fields.get("mask_path")
+        return PurePosixPath(path.replace("\\", "/")).name if isinstance(path, str) else ""
 
     @property
     def label(self) -> str:
@@ -183,8 +208,8 @@ class _Frame:
         return value
 
 
-def _read_frames(file: Path, split: str) -> list[_Frame]:
-    """Read all frames of a transforms file; an empty `split` means those that the file declares."""
+def _read_frames(file: Path, split: str, skip: bool) -> tuple[list[_Frame], list[str]]:
+    """Read all frames of a transforms file; an empty `split` means those that the file declares. See `read_each`."""
     content = read_json(file, "cameras")
     if not isinstance(content, dict):
         raise DataError(f"{file} holds a JSON {type(content).__name__}, not an object.", "Give a transforms.json file.")
@@ -194,29 +219,33 @@ def _read_frames(file: Path, split: str) -> list[_Frame]:
     shared = {key: value for key, value in content.items() if key != "frames"}
     lists = {name: shared.get(f"{name}_filenames") for name in SPLITS}  # nerfstudio's
     declared = {str(path): name for name, paths in lists.items() if isinstance(paths, list) for path in paths}
-    frames = []
-    for index, entry in enumerate(entries):
+
+    def read(numbered: tuple[int, Any]) -> _Frame:
+        index, entry = numbered
         file_path = entry.get("file_path") if isinstance(entry, dict) else None
         path = PurePosixPath(file_path.replace("\\", "/")) if isinstance(file_path, str) else PurePosixPath()
         if not isinstance(file_path, str) or not path.name:
             raise DataError(f"{file}, frame {index} has no file_path.", "Write the photo's path into the frame.")
-        frame_split = split or declared.get(file_path, "")
-        frames.append(_Frame(file, index, path.parts, ChainMap(entry, shared), frame_split))
-    return frames
+        return _Frame(file, index, path.parts, ChainMap(entry, shared), split or declared.get(file_path, ""))
+
+    return read_each(list(enumerate(entries)), read, skip)
 
 
 def _camera(frame: _Frame, image: Path | None) -> tuple[Camera, list[str]]:
     """Return the camera of a frame at its photo's size (without one, the declared size), and notes on changes."""
-    fisheye = _is_fisheye(frame)
+    model = _camera_model(frame)
     declared = _declared_size(frame)
     size = photo_size(image, declared) if image else declared
     if size is None:
         raise DataError(f"{frame.label} declares no picture size.", "Write w and h into the file.")
     width, height = declared or size
-    fx, fy = _focal_lengths(frame, width, height)
     camera_to_world, pose_notes = _pose(frame)
+    if model == PANORAMA:
+        return Panorama.of(frame.label, *size, camera_to_world), pose_notes
+    fx, fy = _focal_lengths(frame, width, height)
     cx, cy = frame.number_or("cx", width / 2), frame.number_or("cy", height / 2)
-    lens = opencv_distortion({key: frame.number_or(key, 0.0) for key in LENS_KEYS}, fisheye)
+    fisheye, keys = model in FISHEYE, FISHEYE.get(model, LENS_KEYS)
+    lens = opencv_distortion({key: frame.number_or(key, 0.0) for key in keys}, fisheye, keys)
     hint = "Correct it in the file."
     camera = read_camera(frame.label, width, height, fx, fy, cx, cy, camera_to_world, lens, fisheye, hint=hint)
     camera, size_notes = at_size(camera, size)
@@ -227,14 +256,17 @@ def camera_from_json(fields: Any, source: str) -> Camera:
     """Read a bare camera from a frame with a size; `source` names it in messages. Raises DataError if it is damaged."""
     if not isinstance(fields, dict):
         raise DataError(f"{source} has a JSON {type(fields).__name__} for a camera.", "Give an object.")
-    return _camera(_Frame(Path(source), 0, (), {"file_path": "camera", **fields}, ""), None)[0]
+    camera = _camera(_Frame(Path(source), 0, (), {"file_path": "camera", **fields}, ""), None)[0]
+    if isinstance(camera, Panorama):
+        raise DataError(f"{source} has a {PANORAMA} camera.", "Give a perspective or fisheye one.")
+    return camera
 
 
-def _is_fisheye(frame: _Frame) -> bool:
-    model = frame.fields.get("camera_model") or ("OPENCV_FISHEYE" if frame.fields.get("is_fisheye") else "OPENCV")
-    if model not in PERSPECTIVE + FISHEYE:
+def _camera_model(frame: _Frame) -> str:
+    model = frame.fields.get("camera_model") or "OPENCV"
+    if model not in (*PERSPECTIVE, *FISHEYE, PANORAMA):
         raise DataError(f"{frame.label} has a {model!s:.200} camera, which cannot be read.", "Undistort the photos.")
-    return model in FISHEYE or bool(frame.fields.get("is_fisheye"))
+    return "OPENCV_FISHEYE" if frame.fields.get("is_fisheye") and model in PERSPECTIVE else model
 
 
 def _declared_size(frame: _Frame) -> tuple[int, int] | None:
@@ -279,21 +311,20 @@ def _pose(frame: _Frame) -> tuple[np.ndarray, list[str]]:
 
 
 # --------------------------------------------------------------------------------------------------------------- photos
-def _stem(frame: _Frame, image: Path | None) -> str:
-    if image:
-        return image.stem
+def _bare_stem(frame: _Frame) -> str:
     name = PurePosixPath(frame.parts[-1])
-    return name.stem if name.suffix.lower() in PHOTO_SUFFIXES else name.name
+    return name.stem if is_photo(name) else name.name
 
 
 def _find_photos(frames: list[_Frame]) -> list[Path | None]:
     """Return the photo of each frame, all from the first location with any: others may have those of another split."""
     folder = frames[0].file.parent
     longest = max(len(frame.parts) for frame in frames)
-    for root, n_parts in _search_locations(folder, longest):
-        photos = [_existing(root.joinpath(*frame.parts[-n_parts:])) for frame in frames]
-        if any(photos):
-            return photos
+    for rule in (FileFinder.exact, FileFinder.matches):
+        for root, n_parts in _search_locations(folder, longest):
+            finder, paths = FileFinder(root), [PurePosixPath(*frame.parts[-n_parts:]) for frame in frames]
+            if any(rule(finder, path) for path in paths):
+                return [finder.find(path) for path in paths]
     return [None] * len(frames)
 
 
@@ -305,11 +336,6 @@ def _search_locations(folder: Path, longest: int) -> Iterator[tuple[Path, int]]:
             yield child, 0
     for n_parts in range(min(longest - 1, MOST_PARTS), 0, -1):
         yield folder, n_parts
-
-
-def _existing(path: Path) -> Path | None:
-    candidates = (Path(f"{path}{suffix}") for suffix in ("", *PHOTO_SUFFIXES))
-    return next((candidate for candidate in candidates if exists(candidate)), None)
 
 
 # -------------------------------------------------------------------------------------------------------------- writers
@@ -350,9 +376,11 @@ def _frames_to_json(named: list[tuple[str, View]]) -> dict[str, Any]:
 
 def camera_to_json(camera: Camera) -> dict[str, Any]:
     """Convert a camera to a frame, which `camera_from_json` reads without loss."""
-    keys = FISHEYE_KEYS if camera.fisheye else LENS_KEYS
+    models = {len(keys): model for model, keys in reversed(FISHEYE.items())}
+    model = models.get(len(camera.distortion), "OPENCV_FISHEYE") if camera.fisheye else "OPENCV"
+    keys = FISHEYE.get(model, LENS_KEYS)
     return {
-        **({"camera_model": "OPENCV_FISHEYE"} if camera.fisheye else {}),
+        **({"camera_model": model} if camera.fisheye else {}),
         "w": camera.width,
         "h": camera.height,
         "fl_x": float(camera.fx),

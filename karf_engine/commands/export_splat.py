@@ -88,7 +88,7 @@ class _Exporter:
         columns = {**self._foreign_columns, **self._attributes}
         chosen = {name: column[self._rows] for name, column in columns.items()}
         is_antialiased = self._source is None or self._source.is_antialiased
-        write_splats(path, SplatFile(table, is_antialiased, chosen))
+        write_splats(path, SplatFile(table, is_antialiased, chosen), self._options.spz_version)
 
     @property
     def _foreign_columns(self) -> Mapping[str, np.ndarray]:

@@ -15,9 +15,18 @@ from pathlib import Path
 import numpy as np
 
 from ..capture import hold_out, in_space, open_capture
-from ..capture.capture import UNIT_GAINS, Capture, SparsePoints, capture_to_json, with_gains, with_split
+from ..capture.capture import (
+    UNIT_GAINS,
+    Capture,
+    SparsePoints,
+    capture_to_json,
+    leave_out,
+    with_gains,
+    with_split,
+    without_views,
+)
 from ..capture.reader_utils import read_bytes
-from ..capture.training_images import TrainingImage
+from ..capture.training_images import TrainingImage, load_readable_views
 from ..capture.triangulation import triangulate
 from ..compute import cores
 from ..compute.kernels import has_kernels
@@ -66,6 +75,8 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
     project = Project(options.project)
     project.create(str(options.capture.absolute()))
     capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)
+    without = project.left_out() if options.without is None else tuple(filter(None, options.without))
+    capture = leave_out(capture, without)
     if space is None and project.state_file.exists():  # by the summary: capture.json may be damaged
         learned_in = (project.finished("geometry") or {}).get("color_space")
         space = None if learned_in is None else ColorSpace(**learned_in)
@@ -75,7 +86,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
         if run is None:
             project.set_settings(settings_module.to_dict(settings))
             return
-        run.summary["holdout"] = capture.holdout
+        run.summary.update(holdout=capture.holdout, without=sorted(without))
         if capture.views[0].space is not None:
             run.summary["color_space"] = asdict(capture.views[0].space)
         capture = with_marked_in_training(project, capture, options.masks)
@@ -122,8 +133,8 @@ def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
     """Fit or resume the field, with previews, and estimate the photos' exposures."""
     settings = job.settings.geometry
     wait_until_ready = field_kind(settings.field).prepare(settings, job.runtime.device)
-    views = list(capture.split("train"))
-    training_images = job.training_images(views)
+    capture, training_images = load_photos(job, capture)
+    views = [image.view for image in training_images]
     kind = background_kind_of(training_images)
     points = training_points(job, capture, training_images, kind)
     task = make_fit_task(views, training_images, kind, points, settings, job.settings.seed, job.runtime.device)
@@ -152,6 +163,18 @@ def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
                 gains[image.view.name] = gains_from_render(scene, image.camera, image.color)
         capture = with_gains(capture, gains)
     return scene, capture
+
+
+def load_photos(job: Job, capture: Capture) -> tuple[Capture, list[TrainingImage]]:
+    """Load the training photos; return the capture without photos that cannot be decoded, and warn of them."""
+    others = [view for view in capture.views if view.split != "train" and view.image is not None]
+    training_images, errors = load_readable_views(capture.split("train"), job.settings.geometry.long_side)
+    errors |= load_readable_views(others, COMPARED_LONG_SIDE)[1]
+    if errors:
+        first = next(iter(errors.values()))
+        sentence = f"{len(errors)} of {len(capture.views)} photos were left out: {first.sentence}"
+        job.emit("warning", code="capture", sentence=sentence)
+    return without_views(capture, errors), training_images
 
 
 def help_to_learn(process_group: ProcessGroup) -> None:
@@ -254,7 +277,7 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
         from ..splats.visibility import sample_surface_points  # needs numba
 
         cameras = [training_image.camera for training_image in training_images]
-        gaussians = read_captured_gaussians(capture.splats, cameras)
+        gaussians = read_captured_gaussians(capture.splats, cameras, job.emit)
         return sample_surface_points(gaussians, cameras, job.progress("points", len(cameras)).step)
     if capture.points is not None and len(capture.points.view):
         return capture.points.seen_by([n for n, view in enumerate(capture.views) if view.split == "train"])

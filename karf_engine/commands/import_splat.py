@@ -27,7 +27,7 @@ from ..io.color import to_bytes
 from ..io.files import link_or_copy, new_folder, read_json
 from ..io.images import unpremultiply, write_png
 from ..splats.formats import ply
-from ..splats.formats.registry import read_splats
+from ..splats.formats.registry import read_splats, warn_of_skipped
 from ..splats.formats.splat_file import SplatFile
 from ..splats.gaussians import Gaussians, imported_gaussians
 from .options import ImportSplatOptions
@@ -52,6 +52,7 @@ def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
         emit("stage", name="import_splat", text=f"reading {options.splat.name}")
         found = read_splats(options.splat)
         emit("stage", name="import_splat", text=f"{len(found)} Gaussians")
+        warn_of_skipped(found, options.splat, emit)
         path = _linked(options.splat, found, folder)
         splats = CapturedSplats(path, options.antialiased or bool(found.is_antialiased))
         if options.photos is not None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from ..capture import open_capture
 from ..capture.advice import Advice, advise, draw_map
+from ..capture.capture import leave_out
 from ..capture.inspection import inspect_capture
 from ..compute.progress import Emit
 from ..errors import DataError
@@ -18,7 +19,8 @@ def run(options: InspectOptions, emit: Emit, should_stop: Callable[[], bool]) ->
     del should_stop  # seconds at most
     if options.masks is not None and not options.masks.is_dir():
         raise DataError("{path} is no folder of masks.", "Give one, or none.", path=options.masks)
-    advice = advise(inspect_capture(open_capture(options.capture, holdout=options.holdout), options.masks))
+    capture = leave_out(open_capture(options.capture, holdout=options.holdout), options.without)
+    advice = advise(inspect_capture(capture, options.masks))
     if options.out is not None:
         write_json(options.out / "inspection.json", advice.to_json())
         draw_map(options.out / "more_photos.png", advice)

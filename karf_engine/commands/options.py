@@ -12,11 +12,13 @@ from typing import Any, ClassVar
 
 from ..errors import BadRequest
 from ..export.frame_options import CONFIG, FrameFileOptions, FrameOptions, parse_size
+from ..io.arguments import check_choice
 from ..io.options import Options, option
 from ..project.settings import PRESETS
 
 MATCHING = ("auto", "exhaustive", "sequential")
 UP = ("auto", "x", "y", "z", "-x", "-y", "-z")
+FACES = ("front", "right", "back", "left", "up", "down")  # of a 360-degree photo, see `capture.panoramas`
 WITHOUT_PHOTOS = ("cameras", "views", "size", "up")  # options of importing splats
 RULES = ("becomes", "fewest", "added")
 Matrix4 = tuple[
@@ -91,6 +93,29 @@ class ImportSplatOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PinholeOptions(Options):
+    """Make a capture of ordinary photos of one with 360-degree photos: the faces of the cube around each."""
+
+    command: ClassVar[str] = "pinhole"
+
+    capture: Path = option("capture with equirectangular photos and camera poses", positional=True, metavar="CAPTURE")
+    out: Path = option("the new capture's folder", metavar="DIR")
+    faces: str = option("which faces, separated by commas", ",".join(FACES), metavar="NAMES")
+    size: int | None = option(
+        "side of a face, pixels (default: a quarter of the photo's width)", None, metavar="N", minimum=16, maximum=16384
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.face_names():
+            check_choice("faces", name, FACES)
+
+    def face_names(self) -> tuple[str, ...]:
+        """Return the faces, each once."""
+        return tuple(dict.fromkeys(name.strip() for name in self.faces.split(",")))
+
+
+@dataclass(frozen=True, kw_only=True)
 class InspectOptions(Options):
     """Say how good a capture is before it is learned, and where more photos would help."""
 
@@ -99,6 +124,9 @@ class InspectOptions(Options):
     capture: Path = option("folder or transforms.json with photos and camera poses", positional=True, metavar="CAPTURE")
     masks: Path | None = option("folder of rough masks, whose thin parts are told of", None, metavar="DIR")
     holdout: int = option("leave out every Nth photo, as for geometry", 0, metavar="N")
+    without: tuple[str, ...] = option(
+        "leave out these photos, by the names of their views, as for geometry; may be repeated", (), metavar="VIEW"
+    )
     out: Path | None = option("folder for inspection.json and more_photos.png", None, metavar="DIR")
 
 
@@ -146,6 +174,12 @@ class GeometryOptions(Options):
         "photos; 0: none (default: as the project was learned, else none)",
         None,
         metavar="N",
+    )
+    without: tuple[str, ...] | None = option(
+        "learn without these photos, by the names of their views, unless they are marked; may be repeated, '' for none "
+        "(default: as the project was learned)",
+        None,
+        metavar="VIEW",
     )
     photo_space: str | None = option(
         "color space that the photos' files are in, by its name in the OpenColorIO configuration, as ACEScg; recolored "
@@ -355,7 +389,7 @@ class ExportSplatOptions(ProjectOptions):
 
     command: ClassVar[str] = "export-splat"
 
-    out: Path = option("the file: .ply, .compressed.ply, .spz, .glb, .gltf, .usd, .usda or .usdc", metavar="FILE")
+    out: Path = option("the file: .ply, .compressed.ply, .spz, .sog, .glb, .gltf, .usd, .usda or .usdc", metavar="FILE")
     edit: Path | None = option("EDIT.json or a palette file whose colors it gets", None, metavar="FILE")
     sheet: Path | None = option(
         "in place of an edit, a sheet as for colorways: a file for each, named FILE_<colorway>", None, metavar="FILE"
@@ -365,6 +399,9 @@ class ExportSplatOptions(ProjectOptions):
     )
     solid: bool = option("leave out the shell that shows what is behind the scene", False)
     attributes: bool = option("add to each Gaussian its object, probability and palette weights; .ply only", False)
+    spz_version: int = option(
+        "of a .spz: 3, which every reader knows, or 4, which declares its axes", 3, metavar="N", minimum=3, maximum=4
+    )
     matrix: Matrix4 | None = option(
         "16 numbers, row by row: a rotation, uniform scale and translation from the capture's world to the file's",
         None,
@@ -405,6 +442,7 @@ COMMANDS: dict[str, type[Options]] = {
     for kind in (
         PosesOptions,
         ImportSplatOptions,
+        PinholeOptions,
         InspectOptions,
         MarkOptions,
         LearnOptions,

@@ -21,7 +21,7 @@ from ..capture.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, r
 from ..compute.progress import Emit, Progress
 from ..errors import DataError, missing_package
 from ..io.files import errors_naming_path, link_or_copy, new_folder
-from ..io.image_size import image_header
+from ..io.image_size import KINDS, image_header
 from ..io.images import read_photo, write_png
 from .options import PosesOptions
 
@@ -70,10 +70,11 @@ def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bo
     if len(names) < FEWEST_PHOTOS:
         raise DataError(
             "{path} holds {count} photos; poses need at least {fewest}.",
-            "Give a folder with photos (PNG, JPEG, TIFF, BMP, WebP, EXR), 30 or more from all sides, or a video.",
+            "Give a folder with photos ({kinds}), 30 or more from all sides, or a video.",
             path=source,
             count=len(names),
             fewest=FEWEST_PHOTOS,
+            kinds=KINDS,
         )
     return tuple(names)
 
@@ -81,7 +82,7 @@ def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bo
 def _add_photo(photo: Path, folder: Path) -> str:
     """Link or copy the photo into `folder`, upright, and return its name there. Raises DataError where it is damaged."""
     header = image_header(photo)
-    if header.orientation == 1 and header.kind != "exr":
+    if header.orientation == 1 and header.kind not in ("exr", "heic", "avif"):  # which COLMAP does not read
         link_or_copy(photo, folder / photo.name)
         return photo.name
     if header.kind == "jpeg":  # keeps the Exif focal length, COLMAP's initial guess

@@ -57,7 +57,7 @@ def _take(job: Job, capture: Capture, splats: CapturedSplats) -> None:
     with run_stage(job, "splats", file_digest(splats.path)) as run:
         if run is None:
             return
-        gaussians = read_captured_gaussians(splats, [view.camera for view in capture.views])
+        gaussians = read_captured_gaussians(splats, [view.camera for view in capture.views], job.emit)
         run.summary["gaussians"] = len(gaussians)
         save_gaussians(gaussians, run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)

@@ -1,14 +1,17 @@
 """Image sizes from file headers, with the standard library only. Sizes are (width, height) in pixels.
 
 Reads PNG (IHDR, eXIf), JPEG (ITU T.81, SOFn segments), Exif 2.3 orientation, WebP (VP8, VP8L and VP8X chunks), TIFF 6.0
-(first directory), Windows bitmaps and OpenEXR (displayWindow).
+(first directory), Windows bitmaps, OpenEXR (displayWindow), and HEIC and AVIF (ISO/IEC 23008-12, the properties ispe,
+irot and imir of the primary item).
 """
 
 from __future__ import annotations
 
 import io
 import struct
-from dataclasses import dataclass
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,11 +23,31 @@ FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 TIFF_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
 MOST_PHOTO_BYTES = 2 << 30
 MOST_EXIF_BYTES = 1 << 16  # the largest JPEG segment
+MOST_PROFILE_BYTES = 4 << 20  # those of printers have some 2 MB
 # limits of decompression bombs: photographs and renderings need at least a bit for six pixels
 MOST_PIXELS = 400_000_000
 MOST_PIXELS_OF_SMALL = 32_000_000
 MOST_PIXELS_PER_BYTE = 50
-KINDS = "PNG, JPEG, WebP, TIFF, BMP or EXR"
+KINDS = "PNG, JPEG, WebP, TIFF, BMP, EXR, HEIC or AVIF"
+HEIF_BRANDS = {b"avif": "avif", b"avis": "avif", b"heic": "heic", b"heix": "heic", b"mif1": "heic", b"msf1": "heic"}
+RAW_SUFFIXES = (".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw", ".3fr")
+ORIENTATIONS = {
+    None: (1, 8, 3, 6),
+    0: (4, 5, 2, 7),
+    1: (2, 7, 4, 5),
+}  # of Exif, by HEIF's mirror axis and quarter turns
+OTHER_KINDS = {  # first bytes: what the file is
+    b"GIF8": "a GIF",
+    b"8BPS": "a Photoshop document",
+    b"\xff\x0a": "a JPEG XL",
+    b"\0\0\0\x0cJXL ": "a JPEG XL",
+    b"\0\0\0\x0cjP  ": "a JPEG 2000",
+    b"%PDF": "a PDF",
+    b"<svg": "an SVG drawing",
+    b"PK\x03\x04": "a ZIP archive",
+    b"\x1aE\xdf\xa3": "a video",
+}
+MOST_META_BYTES = 4 << 20  # of the description of a HEIC or AVIF file
 
 
 @dataclass(frozen=True)
@@ -34,10 +57,11 @@ class ImageHeader:
     width: int
     height: int
     orientation: int = 1  # of Exif, 1..8
-    kind: str = ""  # png, jpeg, webp, tiff, bmp or exr
+    kind: str = ""  # png, jpeg, webp, tiff, bmp, exr, heic or avif
     deep: bool = False  # whether colors have more than 8 bits a channel
     premultiplied: bool = False  # whether colors are multiplied by alpha
     depth: int = 1  # bytes of a channel
+    profile: bytes = field(default=b"", repr=False)  # its ICC profile, read of PNG and JPEG alone
 
     @property
     def swaps_sides(self) -> bool:
@@ -63,7 +87,7 @@ def image_header(path: Path) -> ImageHeader:
     """Read the header of an image file. Raises DataError if it is missing, damaged, of another kind or too large."""
     with refusing_unreadable(path):
         header = find_header(path)
-    if header is None:
+    if header is None or path.suffix.lower() in RAW_SUFFIXES:
         raise unreadable_image_error(path, f"it has no complete {KINDS} header")
     check_pixels(path, *header.stored_size)
     return header
@@ -94,7 +118,7 @@ def find_header(path: Path) -> ImageHeader | None:
     with path.open("rb") as stream:
         try:
             header = _header(stream.read(32), stream)
-        except struct.error:
+        except (struct.error, IndexError):
             return None
     return header if header and min(header.stored_size) >= 1 else None
 
@@ -108,6 +132,19 @@ def unreadable_image_error(path: Path, reason: str) -> DataError:
     if head.startswith(LFS_POINTER):
         return DataError(
             "{path} is a Git-LFS pointer, not a picture.", "Fetch the pictures with: git lfs pull.", path=path
+        )
+    if path.suffix.lower() in RAW_SUFFIXES:
+        return DataError(
+            "{path} is a raw file of a camera.",
+            "Develop all photos to JPEG or 16-bit TIFF of the same names and size, without cropping or lens correction.",
+            path=path,
+        )
+    kind = next((kind for start, kind in OTHER_KINDS.items() if head.startswith(start)), "")
+    if not kind and head[4:8] == b"ftyp" and head[8:12] not in HEIF_BRANDS:
+        kind = "a video"
+    if kind:
+        return DataError(
+            "{path} is {kind}, not a photo that can be read.", f"Export it as {KINDS}.", path=path, kind=kind
         )
     if head.startswith(b"\xef\xbf\xbd"):
         return DataError(f"{path} is damaged: it was copied as text.", "Copy the picture again as a binary file.")
@@ -129,26 +166,40 @@ def _header(head: bytes, stream: BinaryIO) -> ImageHeader | None:
         return _bmp_header(head)
     if head[:4] == b"\x76\x2f\x31\x01":
         return _exr_header(stream)
+    if head[4:8] == b"ftyp":
+        return _heif_header(stream)
     return None
 
 
 def _png_header(head: bytes, stream: BinaryIO) -> ImageHeader:
     width, height, bits, color = struct.unpack(">IIBB", head[16:26])
-    orientation = 1
+    orientation, profile = 1, b""
     stream.seek(8)
     while len(start := stream.read(8)) == 8:
         length, kind = struct.unpack(">I4s", start)
+        if kind == b"IDAT":
+            break
+        end = stream.tell() + length + 4
         if kind == b"eXIf":
             orientation = _exif_orientation(stream.read(min(length, MOST_EXIF_BYTES)))
-        if kind in (b"eXIf", b"IDAT"):
-            break
-        stream.seek(length + 4, io.SEEK_CUR)
-    return ImageHeader(width, height, orientation, "png", deep=bits > 8 and color != 0)  # color 0: gray
+        if kind == b"iCCP":
+            profile = _png_profile(stream.read(min(length, MOST_PROFILE_BYTES)))
+        stream.seek(end)
+    is_deep = bits > 8 and color != 0  # color 0: gray
+    return ImageHeader(width, height, orientation, "png", deep=is_deep, profile=profile)
+
+
+def _png_profile(chunk: bytes) -> bytes:
+    """Return the ICC profile of an iCCP chunk: a name, a zero, the method and the packed profile; empty if damaged."""
+    try:
+        return zlib.decompressobj().decompress(chunk.partition(b"\0")[2][1:], MOST_PROFILE_BYTES)
+    except zlib.error:
+        return b""
 
 
 def _jpeg_header(stream: BinaryIO) -> ImageHeader | None:
     stream.seek(2)
-    orientation = 1
+    orientation, profile = 1, b""
     while True:
         marker = _jpeg_marker(stream)
         if marker in (None, 0xD9, 0xDA):  # pixel data without a frame header
@@ -161,9 +212,11 @@ def _jpeg_header(stream: BinaryIO) -> ImageHeader | None:
         segment = stream.read(length - 2)
         if marker == 0xE1 and segment[:6] == b"Exif\0\0":
             orientation = _exif_orientation(segment[6:])
+        if marker == 0xE2 and segment[:12] == b"ICC_PROFILE\0":  # two bytes that number its parts follow
+            profile += segment[14:]
         if marker in FRAME_MARKERS:
             height, width = struct.unpack(">HH", segment[1:5])
-            return ImageHeader(width, height, orientation, "jpeg")
+            return ImageHeader(width, height, orientation, "jpeg", profile=profile)
 
 
 def _jpeg_marker(stream: BinaryIO) -> int | None:
@@ -265,3 +318,56 @@ def _webp_header(head: bytes) -> ImageHeader | None:
         width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (4, 7))
         return ImageHeader(width, height, kind="webp")
     return None
+
+
+def _heif_header(stream: BinaryIO) -> ImageHeader | None:
+    """Read the size of the primary item: grids of tiles, as phones write them, have sizes of tiles too."""
+    stream.seek(0)
+    file = dict(_boxes(stream.read(MOST_META_BYTES)))
+    brands = [file.get(b"ftyp", b"")[at : at + 4] for at in (0, *range(8, 64, 4))]
+    kind = next((HEIF_BRANDS[brand] for brand in brands if brand in HEIF_BRANDS), "")
+    meta = dict(_boxes(file.get(b"meta", b"")[4:]))
+    properties = dict(_boxes(meta.get(b"iprp", b"")))
+    primary = meta.get(b"pitm", b"")
+    if not (kind and properties and primary):
+        return None
+    (item,) = struct.unpack_from(">I" if primary[0] else ">H", primary, 4)
+    stored = list(_boxes(properties.get(b"ipco", b"")))
+    own = dict(stored[n - 1] for n in _associations(properties.get(b"ipma", b""), item) if 0 < n <= len(stored))
+    width, height = struct.unpack_from(">II", own.get(b"ispe", b""), 4)
+    turns, mirror = own.get(b"irot", b"\0")[0] % 4, own[b"imir"][0] % 2 if b"imir" in own else None
+    if kind == "heic" and turns % 2 == 1:  # its decoder turns the pixels; that of AVIF gives an orientation
+        width, height = height, width
+    return ImageHeader(width, height, 1 if kind == "heic" else ORIENTATIONS[mirror][turns], kind)
+
+
+def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield type and content of each box of the ISO base media format; the last one may be cut off."""
+    at = 0
+    while at + 8 <= len(data):
+        size, kind = struct.unpack_from(">I4s", data, at)
+        start = at + 8
+        if size == 1 and at + 16 <= len(data):
+            (size,) = struct.unpack_from(">Q", data, start)
+            start = at + 16
+        end = at + size if size else len(data)
+        if end < start:
+            return
+        yield kind, data[start:end]
+        at = end
+
+
+def _associations(data: bytes, wanted: int) -> list[int]:
+    """Return the numbers, from 1, of the properties that an ipma box gives to an item."""
+    version, flags, count = data[0], data[3], struct.unpack_from(">I", data, 4)[0]
+    at = 8
+    for _ in range(count):
+        (item,) = struct.unpack_from(">I" if version else ">H", data, at)
+        at += 4 if version else 2
+        number, at = data[at], at + 1
+        layout = f">{number}{'H' if flags & 1 else 'B'}"
+        indices = struct.unpack_from(layout, data, at)
+        at += struct.calcsize(layout)
+        if item == wanted:
+            return [index & (0x7FFF if flags & 1 else 0x7F) for index in indices]
+    return []

@@ -16,9 +16,11 @@ import cv2
 import imageio.v3 as iio
 import numpy as np
 import OpenEXR
-from PIL import Image
+import pillow_heif
+from PIL import Image, ImageOps
 
 from ..errors import KarfError
+from . import icc
 from .color import linear_to_srgb, to_bytes
 from .color_spaces import ColorSpace
 from .failures import is_out_of_memory
@@ -34,20 +36,25 @@ from .image_size import (
 
 MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # fewer, because floats are copied several times
 ROWS = 256  # rows converted at a time
+INTEROPERABILITY_IFD = 0xA005
 INVERSE_EXIF_ORIENTATION = {6: 8, 8: 6}  # inverse Exif orientations; all others are their own inverse
 MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # more, because drawings compress well
 
 Image.MAX_IMAGE_PIXELS = MOST_PIXELS  # `check_pixels` comes first
+pillow_heif.register_heif_opener()
 cv2.setNumThreads(1)  # its threads would compete with torch's
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
-def read_photo(path: Path, upright: bool = True, space: ColorSpace | None = None) -> np.ndarray:
+def read_photo(
+    path: Path, upright: bool = True, space: ColorSpace | None = None, by_profile: bool = True
+) -> np.ndarray:
     """Read an image of any kind that Pillow, OpenCV or OpenEXR reads.
 
     Gray and palette images become RGB; 16-bit images keep their precision. EXR files, which hold premultiplied linear light,
     become clipped sRGB on their display window. `upright` applies the Exif orientation. `space` is that of the file; None:
-    sRGB, for EXR linear light with its primaries.
+    that of its ICC profile, without one sRGB, for EXR linear light with its primaries. Without `by_profile` the colors stay
+    in `embedded_space(path)`, for callers that convert them after making the photo smaller.
 
     Returns sRGB float32 [H, W, 3 or 4] in [0, 1] with straight alpha. Raises DataError if the file is missing, damaged, not
     an image or too large.
@@ -57,12 +64,30 @@ def read_photo(path: Path, upright: bool = True, space: ColorSpace | None = None
     is_premultiplied = header.premultiplied and header.kind == "tiff" and header.deep  # Pillow unpremultiplies itself
     if is_premultiplied and colors.shape[-1] == 4:
         colors[..., :3] = unpremultiply(colors)
-    if space is not None and header.kind != "exr":  # EXR colors are converted already
-        colors[..., :3] = convert_to_srgb(colors[..., :3], space)
+    if header.kind == "exr":  # its colors are converted already
+        return colors
+    own_space = space or (embedded_space(path) if by_profile else None)
+    if own_space is not None:
+        for start in range(0, len(colors), ROWS):  # in blocks, because curves are computed in double precision
+            colors[start : start + ROWS, :, :3] = convert_to_srgb(colors[start : start + ROWS, :, :3], own_space)
     return colors
 
 
-def convert_to_srgb(colors: np.ndarray, space: ColorSpace) -> np.ndarray:
+def embedded_space(path: Path) -> icc.Space | None:
+    """Return the RGB space that an image file declares by an ICC profile or by Exif; None if it is sRGB or none."""
+    try:
+        with Image.open(path) as image:
+            if profile := image.info.get("icc_profile"):
+                return icc.profile_space(profile) if image.mode not in ("L", "LA", "CMYK") else None
+            interoperability = image.getexif().get_ifd(INTEROPERABILITY_IFD) if "exif" in image.info else {}
+    except Exception as error:  # decoders raise nearly anything for damaged metadata
+        if is_out_of_memory(error):
+            raise
+        return None
+    return icc.adobe_rgb() if interoperability.get(1) == "R03" else None
+
+
+def convert_to_srgb(colors: np.ndarray, space: ColorSpace | icc.Space) -> np.ndarray:
     """Convert colors of a space to sRGB clipped to [0, 1]."""
     return np.clip(space.to_srgb(colors), 0, 1)
 
@@ -103,7 +128,16 @@ def _read_plain(path: Path, upright: bool, min_pixel_limit: int) -> np.ndarray:
         stored = file.metadata(index=0)
         width, height = stored["shape"]
         check_pixels(path, width, height, min_pixel_limit)
+        if stored["mode"] in ("L", "CMYK") and stored.get("icc_profile"):
+            return _read_by_profile(path, upright)
         return cast(Any, file).read(index=0, mode=_mode_to_read(stored), rotate=upright)
+
+
+def _read_by_profile(path: Path, upright: bool) -> np.ndarray:
+    """Read a gray or CMYK image as sRGB, uint8 [H, W, 3]."""
+    with Image.open(path) as image:
+        converted = icc.convert_image(image, image.info["icc_profile"])
+        return np.array(ImageOps.exif_transpose(image=converted) if upright else converted)
 
 
 def _read_deep(path: Path) -> np.ndarray:
@@ -158,7 +192,7 @@ def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
     return light, name
 
 
-def display_colors(light: np.ndarray, space: ColorSpace | None = None) -> np.ndarray:
+def display_colors(light: np.ndarray, space: ColorSpace | icc.Space | None = None) -> np.ndarray:
     """Convert premultiplied light float32 [H, W, 1, 3 or 4] to clipped sRGB float32 [H, W, 3 or 4] with straight alpha.
 
     A `space` of None is linear light with the primaries of sRGB.
@@ -169,7 +203,7 @@ def display_colors(light: np.ndarray, space: ColorSpace | None = None) -> np.nda
     return colors
 
 
-def _display_colors(light: np.ndarray, space: ColorSpace | None) -> np.ndarray:
+def _display_colors(light: np.ndarray, space: ColorSpace | icc.Space | None) -> np.ndarray:
     light = np.nan_to_num(light, posinf=float(np.finfo(np.float32).max))
     if light.shape[-1] == 4:
         light[..., :3] = unpremultiply(light)

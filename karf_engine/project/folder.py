@@ -205,6 +205,11 @@ class Project:
         geometry = self.finished("geometry") if self.state_file.exists() else None
         return geometry.get("holdout", LEGACY_HOLDOUT) if geometry else 0
 
+    def left_out(self) -> tuple[str, ...]:
+        """Return the names of the photos that the finished geometry was learned without."""
+        geometry = self.finished("geometry") if self.state_file.exists() else None
+        return tuple(geometry.get("without", ())) if geometry else ()
+
     def finish(self, stage: str, fingerprint: str, **summary: Any) -> None:
         """Mark the stage as finished, and the stages that build on it as not.
 

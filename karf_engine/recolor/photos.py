@@ -31,6 +31,7 @@ from ..capture.camera import Camera, wrong_size_error
 from ..io.color import srgb_to_linear, to_bytes
 from ..io.color_spaces import ColorSpace
 from ..io.files import atomic_write, library_path
+from ..io.icc import Space
 from ..io.image_size import ImageHeader, find_header
 from ..io.images import (
     INVERSE_EXIF_ORIENTATION,
@@ -39,6 +40,7 @@ from ..io.images import (
     convert_to_srgb,
     decoding,
     display_colors,
+    embedded_space,
     encode_image,
     paste,
     read_light,
@@ -59,11 +61,11 @@ PNG_CHUNKS = {
     b"iCCP", b"sRGB", b"gAMA", b"cHRM", b"cICP", b"mDCV", b"cLLI", b"pHYs", b"eXIf", b"tEXt", b"zTXt", b"iTXt"
 }  # fmt: skip
 ORIENTATION = 0x0112
-EXIF_IFD, GPS_IFD, INTEROPERABILITY_IFD, ICC_PROFILE = 34665, 34853, 40965, 34675
+EXIF_IFD, GPS_IFD, INTEROPERABILITY_IFD, ICC_PROFILE, XMP = 34665, 34853, 40965, 34675, 700
 TIFF_LAYOUT = (256, 257, 258, 259, 262, 277, 278, 284, 317, 338, 339)  # tags of the size and coding of the pixels
 STRIP_OFFSETS, STRIP_BYTES, EXTRA_SAMPLES = 273, 279, 338
 TIFF_METADATA = (
-    269, 270, 271, 272, 274, 282, 283, 285, 296, 301, 305, 306, 315, 316, 318, 319, 700, 33432, 33723, 34377,
+    269, 270, 271, 272, 274, 282, 283, 285, 296, 301, 305, 306, 315, 316, 318, 319, XMP, 33432, 33723, 34377,
     ICC_PROFILE, EXIF_IFD, GPS_IFD, 40091, 40092, 40093, 40094, 40095,
 )  # fmt: skip
 LOSSY_EXR = ("PXR24_COMPRESSION", "B44_COMPRESSION", "B44A_COMPRESSION", "DWAA_COMPRESSION", "DWAB_COMPRESSION")
@@ -80,7 +82,8 @@ class StoredPhoto:
     header: ImageHeader
     pixels: np.ndarray  # [H, W, 3 or 4], of an EXR also 1: uint8, uint16, float32 or float16
     channels: str = ""  # name of an EXR's channels
-    space: ColorSpace | None = None  # of the stored colors; None: as above
+    space: ColorSpace | Space | None = None  # of the stored colors; None: as above
+    keeps_xmp: bool = True  # whether copies get the file's XMP
 
     @property
     def size(self) -> tuple[int, int]:
@@ -172,7 +175,7 @@ class StoredPhoto:
 def open_photo(path: Path, space: ColorSpace | None = None) -> StoredPhoto:
     """Read a photo as stored in its file. Formats and errors are those of `images.read_photo`.
 
-    space: of the file; None: sRGB, of EXR linear light with its primaries.
+    space: of the file; None: that of its ICC profile, without one sRGB, of EXR linear light with its primaries.
     """
     with decoding(path):
         header = find_header(path)
@@ -187,7 +190,7 @@ def open_photo(path: Path, space: ColorSpace | None = None) -> StoredPhoto:
         pixels = pixels.astype(np.float32)
     if pixels.ndim == 2 or pixels.shape[-1] == 1:
         pixels = np.repeat(np.atleast_3d(pixels), 3, -1)
-    return StoredPhoto(path, header, pixels, space=space)
+    return StoredPhoto(path, header, pixels, space=space or embedded_space(path))
 
 
 def from_camera(grid: np.ndarray, orientation: int) -> np.ndarray:
@@ -254,7 +257,8 @@ def _png_metadata(photo: StoredPhoto) -> Iterator[tuple[bytes, bytes]]:
         length, kind = struct.unpack_from(">I4s", content, at)
         data = content[at + 8 : at + 8 + length]
         is_gray_profile = kind == b"iCCP" and not _is_rgb(zlib.decompress(data[data.index(b"\0") + 2 :]))
-        if kind in PNG_CHUNKS and not is_gray_profile:
+        is_dropped = is_gray_profile or (kind == b"iTXt" and not photo.keeps_xmp)
+        if kind in PNG_CHUNKS and not is_dropped:
             yield kind, data
         at += length + 12
 
@@ -268,6 +272,8 @@ def _metadata(photo: StoredPhoto) -> dict[str, Any]:
     """Return profile, Exif, XMP and resolution, as arguments of Pillow's writers."""
     with Image.open(photo.path) as file:
         found = {name: file.info[name] for name in ("icc_profile", "exif", "dpi", "xmp") if file.info.get(name)}
+    if not photo.keeps_xmp:
+        found.pop("xmp", None)
     if not _is_rgb(found.get("icc_profile", b"")):
         found.pop("icc_profile", None)
     return found
@@ -316,6 +322,8 @@ def _tiff_metadata(photo: StoredPhoto) -> ImageFileDirectory_v2:
         found = _directory(file)
         for tag in TIFF_METADATA:
             if tag not in found or (tag == ICC_PROFILE and not _is_rgb(found[tag])):
+                continue
+            if tag == XMP and not photo.keeps_xmp:
                 continue
             kept.tagtype[tag] = found.tagtype[tag]
             if tag in (EXIF_IFD, GPS_IFD):

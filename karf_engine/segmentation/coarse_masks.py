@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..capture.camera import Camera
-from ..capture.capture import Capture, View, mask_files, matches_view
+from ..capture.capture import Capture, View, mask_files, mask_rank
 from ..capture.training_images import TrainingImage, undistort
 from ..errors import DataError, Message
 from ..io.files import check_file, copy_file
@@ -104,8 +104,10 @@ def _view_of(path: Path, folder: Path, capture: Capture) -> View:
 
 
 def _matching_views(path: Path, capture: Capture) -> list[View]:
-    """Return the views that a mask's path may mean: the view of that name, else training views."""
-    matches = [view for view in capture.views if matches_view(path, view)]
+    """Return the views that a mask's path names most closely: the view of that name, else training views."""
+    ranks = [mask_rank(path, view) for view in capture.views]
+    best = min((rank for rank in ranks if rank is not None), default=None)
+    matches = [view for view, rank in zip(capture.views, ranks, strict=True) if best is not None and rank == best]
     named = [view for view in matches if view.name == file_name(path.stem)]
     return named or [view for view in matches if view.split == "train"] or matches
 

@@ -57,6 +57,17 @@ def transform_table(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     return result
 
 
+def mirror_table(table: np.ndarray) -> np.ndarray:
+    """Return a table of Gaussians mirrored along z."""
+    result = table.copy()
+    result[:, 2] *= -1
+    result[:, ROTATION + 1 : ROTATION + 3] *= -1
+    degrees = range(int(np.sqrt((table.shape[1] - COLOR) // 3)))
+    is_odd = [bool(number % 2) for degree in degrees for number in range(2 * degree + 1)]  # in z
+    result[:, COLOR:] *= np.repeat(np.where(is_odd, -1, 1), 3).astype(table.dtype)
+    return result
+
+
 def rotate_harmonics(harmonics: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Rotate harmonics [n, 3 K] by a rotation [3, 3]; return them unchanged for the identity."""
     count = harmonics.shape[1] // 3

@@ -102,6 +102,7 @@ REQUIRED = (
     Package("filelock", Range("4.2.11", "5")),
     Package("imageio", Range("2.36", "3")),
     Package("PIL", Range("11", "14")),
+    Package("pillow_heif", Range("1.3", "2")),
     Package("cv2", Range("5.0.0.93", "6")),
     Package("OpenEXR", Range("3.4", "4")),
 )

@@ -126,6 +126,13 @@ def correct(job, options):
     return {"masks": {"pot": write_mask(new_file(job, "png"), left_half(view))}}
 
 
+def photo(job, options):
+    """A gray photo."""
+    camera, path = camera_from_json(options["camera"], "the query"), new_file(job, "png")
+    write_png(path, np.full((camera.height, camera.width, 3), 0.5))
+    return {"photo": str(path)}
+
+
 def masks(job, options):
     """The lid left, the pot right of the middle of any view."""
     (view,) = views_of(Project(options["project"]), options["view"])
@@ -174,7 +181,8 @@ def inspect(job, options):
     few = {"key": "{count} photos are too few here: take more {where}.", "values": {"count": "3", "where": "above"}}
     blurred = {"key": "Less sharp than the photos beside them: {names}.", "values": {"names": "photo_1"}}
     picture = write_mask(new_file(job, "png"), np.zeros((4, 6), bool))
-    return {"advice": [few, blurred], "is_poor": options.get("masks") is None, "picture": picture}
+    found = {"advice": [few, blurred], "is_poor": options.get("masks") is None, "blurred": ["photo_1"]}
+    return found | {"picture": picture}
 
 
 def chart(job, options):
@@ -220,7 +228,7 @@ def geometry(project, options):
     project.create(options["capture"])
     write_json(project.capture_file, capture_to_json(open_capture(options["capture"])))
     project.geometry_file.touch()
-    project.finish("geometry", "fake", psnr=30.0)
+    project.finish("geometry", "fake", psnr=30.0, without=options.get("without", []))
 
 
 def segmentation(project, options):
@@ -339,7 +347,9 @@ def write_png(path, picture):
 STAGES = {"poses": poses, "geometry": geometry, "segmentation": segmentation, "palette": palette, "splats": splats}
 STAGES |= {"recoloring": recoloring, "render": render, "points": points, "colorways": colorways}
 STAGES |= {"import-splat": import_splat, "export-splat": export_splat}
-QUERIES = {each.__name__: each for each in (echo, preview, propose, correct, masks, show, harmonics, inspect, chart)}
+QUERIES = {
+    each.__name__: each for each in (echo, preview, propose, photo, correct, masks, show, harmonics, inspect, chart)
+}
 
 if __name__ == "__main__":
     if sys.argv[1] == "doctor":  # the real one, which needs no torch to say that there is none

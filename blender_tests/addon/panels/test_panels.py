@@ -113,7 +113,16 @@ STATES = {
     "failed, dismissed": ("scene", dismissed(FAIL), dict.fromkeys([*FAILURE, "karf.dismiss"], 0)),
     "wrote": ("scene", WROTE, {"karf.open_folder": 1}),
     "wrote, dismissed": ("scene", dismissed(WROTE), {"karf.open_folder": 0}),
-    "imported": ("project_scene", lambda desk: None, {"There are no sparse points to check the cameras with": 1}),
+    "imported": (
+        "project_scene",
+        lambda desk: None,
+        {"There are no sparse points to check the cameras with": 1, "3 photos, all to learn": 1, "KARF_UL_views": 1},
+    ),
+    "left out": (
+        "project_scene",
+        lambda desk: setattr(desk.karf.views[0], "is_learned", False),
+        {"2 of 3 photos to learn": 1, "karf.leave_out_blurred": 1},
+    ),
     "points": ("project_scene", setting("karf", n_points=7), POINTS),
     "errors": ("project_scene", Desk.errors, {"7 points, median error 0.50 px,": 1, "worst 2.25 px": 1}),
     "learned": ("learned", lambda desk: None, SWATCHES | {"Show": 1} | dict.fromkeys(FOLDED, 0)),

@@ -1,5 +1,6 @@
 """Importing a capture: the camera rig, project folders, held-out views, checks and rejected files."""
 
+import json
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -47,6 +48,15 @@ def test_unreadable_photo_keeps_all_cameras(addon, scene, capture_folder):
     cameras = [item for item in addon.cameras.build(capture, "pots", scene).children if item.type == "CAMERA"]
     shown = {camera.karf_view: bool(camera.data.background_images) for camera in cameras}
     assert shown == {"photo_0": True, "photo_1": False, "photo_2": True}
+
+
+def test_panoramas_name_the_command_that_converts_them(bpy, addon, scene, tmp_path):
+    frame = {"file_path": "360.png", "camera_model": "EQUIRECTANGULAR", "transform_matrix": np.eye(4).tolist()}
+    (tmp_path / "transforms.json").write_text(json.dumps({"frames": [frame]}))
+    addon.images.write_png(tmp_path / "360.png", np.zeros((4, 8, 3), np.float32))
+    with pytest.raises(RuntimeError, match=r"360-degree photos.*karf pinhole .*--out"):
+        bpy.ops.karf.import_capture(filepath=str(tmp_path), project=str(tmp_path / "project"))
+    assert scene.karf.rig is None
 
 
 @pytest.mark.parametrize("name", ["nowhere", "notes.txt", "weights.bin", "table.npy", "settings.json"])

@@ -53,6 +53,15 @@ def assert_same_camera(read, written):
     assert_allclose(read.camera_to_world, written.camera_to_world, rtol=1e-5, atol=1e-5 * scale)
 
 
+@pytest.mark.opens(
+    "capture",
+    "NeRF's Blender script and data sets like it",
+    "`transforms_train.json`, `_val`, `_test`",
+    "splits; one field of view",
+)
+@pytest.mark.opens("capture", "instant-ngp, nerfstudio 1.1", "`transforms.json`", "all OpenCV lenses, masks, points")
+@pytest.mark.opens("capture", "LLFF", "`poses_bounds.npy`", "photos in the order of the poses")
+@pytest.mark.opens("capture", "NeX", "`poses_bounds.npy`, `hwf_cxcy.npy`", "photos in the order of the poses")
 @pytest.mark.parametrize("name", FORMATS)
 @settings(derandomize=True, max_examples=6, deadline=None)
 @given(seed=st.integers(0, 10_000), lens=st.sampled_from(sorted(LENSES)))
@@ -188,12 +197,13 @@ def test_photos_alone_are_rejected_naming_the_known_formats(restore_formats, tmp
     with pytest.raises(DataError, match="not a capture of a known format") as caught:
         open_capture(tmp_path)
     assert caught.value.hint == (
-        "A capture has one of these: transforms_train.json, transforms.json, sparse/, poses_bounds.npy."
+        "A capture has one of these: reconstruction.json, keyframes/, metadata and rgb/, transforms_train.json, "
+        "transforms.json, sparse/, cameras.xml, cameras.csv or .xmp files, poses_bounds.npy."
     )
     register_format(CSV)
     with pytest.raises(DataError) as caught:
         open_capture(tmp_path)
-    assert caught.value.hint.startswith("A capture has one of these: cameras.csv, transforms_train.json")
+    assert caught.value.hint.startswith("A capture has one of these: cameras.csv, reconstruction.json")
 
 
 @pytest.fixture

@@ -78,6 +78,14 @@ def test_blurred_photo_is_named(cameras, photos, tmp_path):
     assert finding.values["names"] == "p_07" and "sharp" in finding
 
 
+def test_query_names_blurred_photos_until_they_are_left_out(cameras, photos, tmp_path):
+    blurred = [cv2.GaussianBlur(each, (0, 0), 2.0) if n == 7 else each for n, each in enumerate(photos)]
+    capture = str(write(tmp_path, cameras, blurred))
+    for without, named in (([], ["p_07"]), (["p_07"], [])):
+        answer = QUERIES["inspect"](Session(tmp_path), {"capture": capture, "without": without})
+        assert answer["blurred"] == named
+
+
 def test_darker_and_warmer_photos_are_named(cameras, photos, tmp_path):
     changed = list(photos)
     changed[3] = photos[3] * 0.75

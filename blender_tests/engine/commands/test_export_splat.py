@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 pytest.importorskip("numba")
 
 import karf_engine as karf
+from blender_tests.engine.commands.conftest import Events
 from blender_tests.engine.conftest import finish_again
 from karf_engine.cli import main
 from karf_engine.commands import export_splat
@@ -181,6 +182,22 @@ def test_cut_out_keeps_columns_and_clears_earlier_weights(changeable, tmp_path):
     columns = read_splats(tmp_path / "back.ply").columns
     assert not columns["karf_weight_99"].any() and columns["karf_weight_0"].any() + columns["karf_weight_1"].any()
     assert columns["karf_object"].any() and (columns["flags"] == columns["confidence"] % 7).all()
+
+
+def test_unusable_rows_and_filters_come_back_byte_by_byte(changeable, own, tmp_path):
+    project, source = changeable
+    table = own.table.copy()
+    table[[3, 8], 0] = np.nan
+    ply.write(source, SplatFile(table, None, {"filter_3D": np.full(len(table), 0.01, np.float32)}))
+    events = Events()
+    karf.learn_splats(project, threads=1, emit=events)
+    assert any(f"2 of {len(table)} rows are no Gaussians" in str(text) for text in events.values("warning", "sentence"))
+    karf.export_splat(project, tmp_path / "back.ply")
+    assert (tmp_path / "back.ply").read_bytes() == source.read_bytes()
+    karf.export_splat(project, tmp_path / "ball.ply", objects=["ball"])
+    cut, whole = read_splats(tmp_path / "ball.ply"), read_splats(source)
+    assert "filter_3D" not in cut.columns, "its scales already have it"
+    assert set(map(bytes, cut.table)) <= set(map(bytes, whole.table))
 
 
 def test_object_without_gaussians_is_rejected(learned, tmp_path, monkeypatch):

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 from blender_tests.engine.commands.farm.sequences import Sequence
@@ -15,6 +16,8 @@ from blender_tests.engine.conftest import QUICK
 from blender_tests.engine.faults import engine
 from blender_tests.engine.faults.traps import refuse_changes
 from blender_tests.engine.splats.clouds import cloud
+from karf_engine.io.files import write_json
+from karf_engine.io.images import write_png
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.state import without_stage, write_state
 from karf_engine.splats.formats import ply
@@ -41,6 +44,7 @@ COMMANDS = {
     **{f"export-splat {end}": f"export-splat {{project}} --out {{out}}/cloud{end}" for end in (".gltf", ".usdc")},
     "import-splat": "import-splat {inputs}/cloud.ply --out {out}/capture --views 3 --size 64",
     "poses": "poses {capture}/train --out {out}/capture",
+    "pinhole": "pinhole {inputs}/360 --out {out}/capture",
     "farm": "farm {project} --views test --out {out}/bundle --edit {inputs}/edit.json",
     "farm that learns": "farm {capture} --masks {masks} --out {out}/bundle",
     "run": "run {out}/job",
@@ -78,6 +82,9 @@ def places(still_life, learned, tmp_path_factory):
     inputs.mkdir()
     Sequence(learned.project, inputs, 2)
     ply.write(inputs / "cloud.ply", SplatFile(cloud()))
+    panorama = {"file_path": "360.png", "camera_model": "EQUIRECTANGULAR", "transform_matrix": np.eye(4).tolist()}
+    write_json(inputs / "360" / "transforms.json", {"frames": [panorama]})
+    write_png(inputs / "360" / "360.png", np.zeros((64, 128, 3)))
     (inputs / "sheet.csv").write_text("colorway,object,hex\nGreen,ball,#1ec040\n")
     disk = folder / "disk"
     given = {"capture": still_life.capture, "masks": still_life.masks, "inputs": inputs}

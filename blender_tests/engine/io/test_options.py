@@ -22,6 +22,7 @@ CAPTURE, PROJECT, OUT = {"capture": "capture"}, {"project": "project"}, {"out": 
 REQUIRED = {  # each command's library function and its required options
     "poses": ("find_poses", {"photos": "photos"} | OUT),
     "import-splat": ("import_splat", {"splat": "scene.ply"} | OUT),
+    "pinhole": ("convert_panoramas", CAPTURE | OUT),
     "inspect": ("inspect_capture", CAPTURE),
     "mark": ("mark", CAPTURE | {"view": "a", "object_name": "pot", "masks": "masks"}),
     "all": ("learn", CAPTURE | PROJECT | {"masks": "masks"}),

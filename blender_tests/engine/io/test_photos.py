@@ -138,6 +138,13 @@ def turned(pixels, orientation):
     return pixels[:, ::-1] if orientation in (2, 4, 5, 7) else pixels
 
 
+@pytest.mark.opens(
+    "photo",
+    "cameras, scanners, editors",
+    "PNG, JPEG, WebP, TIFF, BMP",
+    "8 and 16 bits, gray, palettes, alpha, Exif orientation",
+)
+@pytest.mark.opens("photo", "renderers, compositors", "OpenEXR", "linear light; data and display window")
 @pytest.mark.parametrize("kind", [*TURNED, *UPRIGHT])
 def test_every_kind_is_read_upright_and_as_stored(tmp_path, kind):
     name, write, pixels = (TURNED | UPRIGHT)[kind]

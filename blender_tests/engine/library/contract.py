@@ -86,7 +86,7 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
     added = (3, [], {"ball": ["#ffffff"]}, {3: ()})
     table = {
         # paths
-        "open_capture.path find_poses.photos": path(folder / "capture", None, typo),
+        "open_capture.path find_poses.photos convert_panoramas.capture": path(folder / "capture", None, typo),
         "masks": path(folder / "masks", None, typo),
         "segment.masks": path(folder / "masks", typo),
         "project folder": path(model.project.folder, None, typo, folder / "capture", folder / "edit.json"),
@@ -110,6 +110,7 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
         "object_name": text("pot", "", "../pot", "a/b", b"x"),
         "name": text("ball", "", "typo"),
         "lab_of.name": text("Red", "", "typo"),
+        "faces": text("front,up", "", "typo"),
         "split Capture.split.name": text("train", "", "typo"),
         "rule": text("becomes", "", "typo"),
         "compositing": text("delta", "", "typo"),
@@ -135,6 +136,7 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
         "supersampling": whole(1, None, 0, -1, 10**6),
         "index": whole(1, None, 0, -1, 99),
         "orientation": whole(1, None, 0, 9),
+        "convert_panoramas.size": whole(16, 0, -1),
         "size": Kind("photo", None, 1.5, [8], object(), NAN, 0, "", -1, "typo"),
         "fx fy": number(9.0, None, 0.0, -1.0),
         "cx cy": number(4.0, None),

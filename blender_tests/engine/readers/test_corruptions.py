@@ -15,6 +15,7 @@ from blender_tests.engine.readers.samples import NAMES
 from blender_tests.engine.reference.capture_files import ColmapModel, jpeg_head, png_bytes, put_photos
 from blender_tests.engine.reference.no_files import NO_FILES
 from blender_tests.engine.reference.still_life import cameras
+from karf_engine.capture import open_capture
 from karf_engine.cli import main
 from karf_engine.errors import DataError
 
@@ -132,7 +133,7 @@ POSE = np.eye(4).tolist()
 IMAGE = struct.pack("<QI7dI", 1, 1, 1, 0, 0, 0, 0, 0, 0, 7)  # without its name
 OTHER_NAMES = [{"file_path": name, "transform_matrix": POSE} for name in ("b.png", "c.png")]
 EMPTY_SEGMENTS = [b"\xff\xd8\xff\xe0" + length + bytes(50) for length in (b"\0\0", b"\0\1")]  # of a JPEG
-NO_HEADER = "no complete PNG, JPEG, WebP, TIFF, BMP or EXR header"
+NO_HEADER = "no complete PNG, JPEG, WebP, TIFF, BMP, EXR, HEIC or AVIF header"
 NO_PICTURE = "cannot be read as a picture"
 NO_ARRAY = "not a complete array"
 NO_POSE = "not a rotation and position"
@@ -163,7 +164,6 @@ TABLE = {
         for table in ("cameras", "images", "points3D")
     },
     "LLFF": [
-        ("row 2 has a pose that is not finite", number(2, 3, math.nan)),
         ("is empty", content(b"")),
         (NO_ARRAY, changed(lambda data: data[:50]), changed(lambda data: data[:-9])),
         (NO_ARRAY, changed(lambda data: data.replace(b"(4, 17), }         ", b"(400000000000, 17),}"))),
@@ -173,10 +173,7 @@ TABLE = {
         ("shape (4, 3, 5)", npy(np.ones((4, 3, 5)))),
         ("shape ()", npy(np.float64(3))),
         ("shape (0, 17)", npy(np.ones((0, 17)))),
-        ("row 1 has a pose that is not a rotation", number(1, 0, 2.0)),
         ("row 0 has a pose that is not a rotation", array(lambda table: table * ([-1] * 4 + [1] * 13))),
-        ("row 3 has the focal length", number(3, 14, 0), number(3, 14, math.nan)),
-        ("row 0 has a picture of", number(0, 4, -6)),
         ("3 poses, but images has 4 photos", array(lambda table: table[:3])),
         ("4 poses, but images has 5 photos", lambda path: put_photos(path.parent / "images", ["more.png"])),
         ("no photos", beside("images", lambda photos: photos.rename(photos.with_name("away")))),
@@ -196,8 +193,6 @@ TABLE = {
         ("JSON int", content(b"7")),
         ("no list of frames", fields("frames"), *(fields(frames=value) for value in ([], {"a": 1}, "all"))),
         ("frame 0 has no file_path", fields(frames=["a.png"]), fields(frames=[{"transform_matrix": POSE}])),
-        ("frame 0 has no file_path", frame(file_path="")),
-        ("frame 1 has no file_path", in_json(lambda value: value["frames"].__setitem__(1, []))),
         ("neither fl_x nor camera_angle_x", fields("fl_x", "fl_y")),
         ("camera_angle_x = 50", fields("fl_x", camera_angle_x=50)),
         ("fl_x = 'wide'", fields(fl_x="wide")),
@@ -207,21 +202,15 @@ TABLE = {
         ("w = [8]", fields(w=[8])),
         ("declares 1e+30x", fields(w=1e30)),
         ("h = -6", fields(h=-6)),
-        ("EQUIRECTANGULAR", fields(camera_model="EQUIRECTANGULAR")),
+        ("360-degree photo of", fields(camera_model="EQUIRECTANGULAR")),
         ("FISHEYE624 camera", fields(camera_model="FISHEYE624")),
         ("['OPENCV'] camera", fields(camera_model=["OPENCV"])),
         ("k4 = 'none'", fields(k4="none")),
         ("frame 0", fields(frames=[{"file_path": f"images/{NAMES[0]}"}])),
-        ("no 4x4", pose([[1, 0, 0], [0, 1], [0]]), pose(POSE[:3][:2]), pose([["a"] * 4] * 4)),
-        ("no 4x4", pose(np.eye(3).tolist()), pose([[10**400, 0, 0, 0], *POSE[1:]])),
-        ("not finite", pose([[1, 0, 0, math.inf], *POSE[1:]]), pose((np.eye(4) * 1e200).tolist())),
-        ("uniform scale", pose([[2, 0, 0, 0], *POSE[1:]]), pose([[1, 0.6, 0, 0], [0, 0.8, 0, 0], *POSE[2:]])),
-        ("uniform scale", pose([[-1, 0, 0, 0], *POSE[1:]]), pose(np.zeros((4, 4)).tolist())),
         (" … none of its 1 photos was found", fields(frames=[{"file_path": "a" * 5000, "transform_matrix": POSE}])),
         (" … none of its 2 photos was found", fields(frames=OTHER_NAMES)),
         ("gone.ply … missing", fields(splat_file_path="gone.ply")),
         ("points.ply … cut off", beside("points.ply", cut(0.97))),
-        (f"{NAMES[0]} … Git-LFS pointer", beside(f"images/{NAMES[0]}", content(POINTER))),
     ],
     "camera file": [("declares no picture size", fields("w"))],
     "cameras of a splat": [
@@ -282,21 +271,16 @@ TABLE["cameras.txt"] += [
 ]
 TABLE["images.bin"] += [
     ("is cut off", content(IMAGE + b"a.png\0" + HUGE), content(IMAGE + b"a.png")),
-    (NO_POSE, image(1, pose=np.full(7, math.nan)), image(1, pose=np.full(7, 1e200))),
-    ("features that are not finite", image(2, features=[(math.nan, 1.0, -1)])),
     ("two entries of image 100", image(1, number=100)),
-    ("camera 12, which cameras.bin does not hold", image(0, camera=12)),
     ("name that is not UTF-8", image(0, name=b"\xff\xfe.png")),
     ("sparse/0 … '../000.png'", image(0, name="../000.png")),
     ("sparse/0 … not a path below", image(0, name="C:\\x\\000.png")),
     ("sparse/0 … ''", image(0, name="")),
     ("sparse/0 … cameras.bin, points3D.bin, but not", Path.unlink),
     ("sparse/0 … none of its 4 photos", beside("../../images", lambda photos: photos.rename(photos.with_name("away")))),
-    (f"{NAMES[0]} … Git-LFS pointer", beside(f"../../images/{NAMES[0]}", content(POINTER))),
 ]
 TABLE["images.txt"] += [
     ("holds no images", content(b"# nothing\n")),
-    (NO_POSE, image(1, pose=np.zeros(7))),
     ("sparse/0 … '/home/x/000.png'", image(0, name="/home/x/000.png")),
     ("does not hold the features", content(b"1 1 0 0 0 0 0 0 7 000.png\n1.5 2.5\n")),
     ("line 2 does not hold the features", content(b"1 1 0 0 0 0 0 0 7 0.png\n2 1 0 0 0 0 0 0 7 1.png\n")),
@@ -304,13 +288,47 @@ TABLE["images.txt"] += [
 TABLE["points3D.bin"] += [
     ("is cut off", content(struct.pack("<QQ3d3BdQ", 1, 1, 0, 0, 0, 0, 0, 0, 0, 2**61))),
     ("two points of one id", point(number=37)),
-    ("seen by image 55", point(track=[(55, 0)])),
 ]
 TABLE["points3D.txt"] += [
     ("not finite", point(position=[0, math.nan, 0])),
     ("line 2 does not hold", point(color=[0, 256, 0])),
 ]
-ROWS = [(name, words, change) for name, rows in TABLE.items() for words, *changes in rows for change in changes]
+# Damage of one of four photos, which is left out; the remark has these words.
+ONE_PHOTO = {
+    "images.bin": [
+        (NO_POSE, image(1, pose=np.full(7, math.nan)), image(1, pose=np.full(7, 1e200))),
+        ("features that are not finite", image(2, features=[(math.nan, 1.0, -1)])),
+        ("camera 12, which is missing from cameras.bin", image(0, camera=12)),
+        (f"{NAMES[0]} is a Git-LFS pointer", beside(f"../../images/{NAMES[0]}", content(POINTER))),
+    ],
+    "images.txt": [
+        (NO_POSE, image(1, pose=np.zeros(7))),
+    ],
+    "LLFF": [
+        ("row 2 has a pose that is not finite", number(2, 3, math.nan)),
+        ("row 1 has a pose that is not a rotation", number(1, 0, 2.0)),
+        ("row 3 has the focal length", number(3, 14, 0), number(3, 14, math.nan)),
+        ("row 0 has a picture of", number(0, 4, -6)),
+    ],
+    "transforms.json": [
+        ("frame 0 has no file_path", frame(file_path="")),
+        ("frame 1 has no file_path", in_json(lambda value: value["frames"].__setitem__(1, []))),
+        ("no 4x4", pose([[1, 0, 0], [0, 1], [0]]), pose(POSE[:3][:2]), pose([["a"] * 4] * 4)),
+        ("no 4x4", pose(np.eye(3).tolist()), pose([[10**400, 0, 0, 0], *POSE[1:]])),
+        ("not finite", pose([[1, 0, 0, math.inf], *POSE[1:]]), pose((np.eye(4) * 1e200).tolist())),
+        ("uniform scale", pose([[2, 0, 0, 0], *POSE[1:]]), pose([[1, 0.6, 0, 0], [0, 0.8, 0, 0], *POSE[2:]])),
+        ("uniform scale", pose([[-1, 0, 0, 0], *POSE[1:]]), pose(np.zeros((4, 4)).tolist())),
+        (f"{NAMES[0]} is a Git-LFS pointer", beside(f"images/{NAMES[0]}", content(POINTER))),
+    ],
+}
+
+
+def rows_of(table):
+    return [(name, words, change) for name, rows in table.items() for words, *changes in rows for change in changes]
+
+
+def ids_of(table):
+    return [f"{name}: {words}" for name, words, _ in rows_of(table)]
 
 
 def corrupt(folder, name, change):
@@ -321,7 +339,7 @@ def corrupt(folder, name, change):
     return path
 
 
-@pytest.mark.parametrize(("name", "words", "change"), ROWS, ids=[f"{name}: {words}" for name, words, _ in ROWS])
+@pytest.mark.parametrize(("name", "words", "change"), rows_of(TABLE), ids=ids_of(TABLE))
 def test_corrupted_file_is_rejected_with_its_name_and_a_remedy(tmp_path, name, words, change):
     path = corrupt(tmp_path, name, change)
     with pytest.raises(DataError) as caught:
@@ -331,6 +349,15 @@ def test_corrupted_file_is_rejected_with_its_name_and_a_remedy(tmp_path, name, w
     assert [part for part in (str(tmp_path), *named) if part not in sentence] == []
     assert sentence.endswith(".") and "\n" not in sentence
     assert caught.value.hint.endswith(".")
+
+
+@pytest.mark.parametrize(("name", "words", "change"), rows_of(ONE_PHOTO), ids=ids_of(ONE_PHOTO))
+def test_damage_of_one_photo_leaves_it_out(tmp_path, name, words, change):
+    corrupt(tmp_path, name, change)
+    capture = open_capture(tmp_path)
+    (remark,) = [text for text in capture.warnings if "left out" in text]
+    assert len(capture.views) == 3
+    assert remark.startswith("1 of 4 photos were left out: ") and words in remark and str(tmp_path) in remark
 
 
 @pytest.mark.parametrize("name", ["images.bin", "LLFF", "transforms.json"])

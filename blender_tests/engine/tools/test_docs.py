@@ -12,7 +12,7 @@ from blender_tests.engine.conftest import ROOT
 from blender_tests.engine.test_layering import FLOORS
 from karf_engine.io.options import flag_of
 from karf_engine.project.settings import describe
-from tools import reference
+from tools import opens, reference
 
 DOCS = ROOT / "docs"
 FILES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("tasks/*.md"))]
@@ -179,6 +179,10 @@ def test_architecture_drawing_shows_all_floors_in_order():
     rooms = drawn[: len(height)]
     assert sorted(rooms) == sorted(height)
     assert [height[room] for room in rooms] == sorted(height.values(), reverse=True)
+
+
+def test_page_of_what_opens_is_current():
+    assert opens.PAGE.read_text(encoding="utf-8") == opens.page(), "run python -m tools.opens"
 
 
 def test_stub_is_current_and_types_every_argument():

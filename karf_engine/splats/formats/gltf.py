@@ -32,7 +32,7 @@ from ...version import __version__
 from ..gaussians import DEGREES
 from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 from ..similarity import transform_table
-from .splat_file import UPRIGHT, SplatFile, checked, damaged, explaining, log_scales, logits, opacities, unit_rotations
+from .splat_file import UPRIGHT, SplatFile, damaged, explaining, log_scales, logits, opacities, unit_rotations, usable
 
 EXTENSION = "KHR_gaussian_splatting"
 KERNEL, SRGB = "ellipse", "srgb_rec709_display"
@@ -58,7 +58,7 @@ def read(path: Path) -> SplatFile:
         ]
         if not tables:
             raise damaged(path, f"it has no points with {EXTENSION}")
-        return SplatFile(checked(path, np.concatenate(tables)))
+        return usable(path, np.concatenate(tables))
 
 
 def write(path: Path, splats: SplatFile) -> None:
@@ -210,10 +210,22 @@ def _matrix(node: dict[str, Any]) -> np.ndarray:
 def _table(document: _Document, primitive: dict[str, Any]) -> np.ndarray:
     """Return the table [n, 11 + 3 K] float32 of a primitive."""
     splatting, attributes = primitive["extensions"][EXTENSION], primitive["attributes"]
-    if splatting["kernel"] != KERNEL or splatting["colorSpace"] != SRGB or splatting.get("extensions"):
+    for name, known in (("kernel", KERNEL), ("colorSpace", SRGB)):
+        if splatting[name] != known:
+            raise DataError(
+                "{path} has Gaussians whose {name} is {value!r}; {known!r} is read.",
+                "Export them so, or as .ply.",
+                path=document.path,
+                name=name,
+                value=splatting[name],
+                known=known,
+            )
+    if splatting.get("extensions"):
         raise DataError(
-            f"{document.path} has Gaussians of another kernel than {KERNEL}, in other colors than {SRGB}, or packed.",
-            f"Export them as plain {EXTENSION}, in sRGB.",
+            "{path} has packed Gaussians ({names}).",
+            "Export them without compression, or as .spz or .ply.",
+            path=document.path,
+            names=", ".join(splatting["extensions"]),
         )
     n_harmonics = max((count for count in DEGREES if _harmonic_names(count)[-1] in attributes), default=1)
     arrays = (document.accessor(attributes[name]) for name in _names(n_harmonics))

@@ -1,4 +1,4 @@
-"""Compressed files of Gaussians that gsply packs and unpacks: PlayCanvas' PLY and SOG, and Niantic's SPZ.
+"""Compressed files of Gaussians that gsply packs and unpacks: PlayCanvas' PLY, and Niantic's SPZ.
 
 gsply decodes in a child process with limits of memory and time (see `registry`); only what it takes for granted is
 checked here. Formats and their precision:
@@ -6,23 +6,18 @@ checked here. Formats and their precision:
 - compressed PLY (developer.playcanvas.com): elements `chunk` (bounds of 256 Gaussians each), `vertex` (four packed words)
   and, above degree 0, `sh`. 1/2047 of a chunk's extent (y: 1/1023) for centers and log scales, 1/255 for colors and
   opacity, 0.003 of a unit quaternion, 1/32 for higher harmonics, clipped to [-4, 4].
-- SPZ (github.com/nianticlabs/spz), versions 2 to 4; version 3 is written. Centers 2^-bits / 2, where the farthest
+- SPZ (github.com/nianticlabs/spz), versions 2 to 4; 3 and 4 are written. Centers 2^-bits / 2, where the farthest
   coordinate decides the bits (at least 1.2e-7 of it); log scales 1/32, from -10 to 5.9; opacity 1/510; quaternion
   components 0.0014; harmonics of degree 0 1/76, higher ones 1/256, clipped to [-0.99, 0.99]. SPZ is right, up, back, so
-  Gaussians are rotated by `upright`, as the reference does. Some programs, gsply among them, do not rotate; their files
-  cannot be told apart and appear upside down.
-- SOG (developer.playcanvas.com), version 2, read only: a zip archive of lossless WebP pictures with one pixel per
-  Gaussian. 16 bits for the logarithm of a center's coordinate in the scene's bounds, codebooks of 256 values for scales
-  and colors, 1/510 for opacity, 0.006 for quaternions.
+  Gaussians are rotated by `upright`, as the reference does, unless the extension SPZ_ADOBE_coordinate_system declares
+  other axes; version 4 is written with it. Some programs, gsply among them, do not rotate and declare nothing;
+  their files cannot be told apart and appear upside down.
 """
 
 from __future__ import annotations
 
 import gzip
-import io
-import json
 import struct
-import zipfile
 import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,7 +30,7 @@ from ...io.files import atomic_write
 from ...io.ply import encode_ply, read_ply
 from ..gaussians import DEGREES
 from ..kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
-from .splat_file import SplatFile, checked, damaged, explaining, needing_packages, unit_rotations, upright
+from .splat_file import SplatFile, damaged, explaining, from_axes, needing_packages, unit_rotations, upright, usable
 
 if TYPE_CHECKING:
     from gsply import GSData
@@ -55,11 +50,12 @@ CELLS = 10  # bits per coordinate of the Z-order
 MAGIC, GZIP = b"NGSP", b"\x1f\x8b"
 HEADER = struct.Struct("<4sIIBBBB")  # magic, version, count, degree, bits of a fraction, flags, number of streams
 VERSIONS, STREAMED = (2, 3, 4), 4  # version with separately packed streams
-FLAGS_AT, ANTIALIASED = 14, 1  # byte offset, bit
+FLAGS_AT, ANTIALIASED, EXTENDED = 14, 1, 2  # byte offset, bits
+STREAMS_AT, RECORDS_AT = 16, 32  # of version 4: the offset of the table of streams, and of extensions before it
+RECORD = struct.Struct("<II")  # head of an extension: kind, bytes
+AXES_KIND = 0xADBE0003  # SPZ_ADOBE_coordinate_system: one number, the place in AXES; 0 declares nothing
+AXES = "RUB LDB RDB LUB RUB LDF RDF LUF RUF LBD RBD LBU RBU LFD RFD LFU RFU".split()
 POSITION_BITS, LEAST_BITS, MOST_BITS = 23, 1, 24  # of a coordinate without its sign; fraction bits
-
-SOG_VERSION, META = 2, "meta.json"
-CODES = 256  # of a codebook
 
 
 def to_package(table: np.ndarray) -> GSData:
@@ -78,7 +74,7 @@ def to_package(table: np.ndarray) -> GSData:
     return GSData.from_arrays(means, scales, quats, opacities, sh0, rest if rest.size else None, format="ply")
 
 
-def _from_package(packed: GSData) -> np.ndarray:
+def from_package(packed: GSData) -> np.ndarray:
     """Return the table [n, 11 + 3 K] float32 of gsply's container."""
     parts = [packed.means, packed.scales, packed.quats, packed.opacities[:, None], packed.sh0]
     if packed.shN is not None and packed.shN.size:
@@ -103,8 +99,7 @@ def read_compressed_ply(path: Path) -> SplatFile:
             raise damaged(path, f"its numbers of chunks and harmonics do not fit its {count:,} Gaussians")
         from gsply import decompress_from_bytes
 
-        table = _from_package(decompress_from_bytes(encode_ply(tables)))
-    return SplatFile(checked(path, table))
+        return usable(path, from_package(decompress_from_bytes(encode_ply(tables))))
 
 
 def write_compressed_ply(path: Path, splats: SplatFile) -> None:
@@ -145,25 +140,67 @@ def read_spz(path: Path) -> SplatFile:
             import zstandard  # noqa: F401  gsply reads streams with it
         import gsply
 
-        table = upright(_from_package(gsply.read_spz(path)))
-    return SplatFile(checked(path, table), bool(flags & ANTIALIASED))
+        axes = _declared_axes(path, _extensions(data, version)) if flags & EXTENDED else AXES[0]
+        table = from_axes(from_package(gsply.read_spz(path)), axes)
+        return usable(path, table, bool(flags & ANTIALIASED))
 
 
-def write_spz(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians as SPZ version 3; columns are dropped. Raises BadRequest if a center is out of its range."""
+def _extensions(data: bytes, version: int) -> bytes:
+    """Return the extensions of an SPZ file that has some: before the streams, or behind the values of older versions."""
+    if version == STREAMED:
+        return data[RECORDS_AT : struct.unpack_from("<I", data, STREAMS_AT)[0]]
+    data = gzip.decompress(data)
+    _, _, count, degree, *_ = HEADER.unpack_from(data)
+    n_bytes = 9 + 1 + 3 + 3 + (3 if version == 2 else 4) + 3 * ((degree + 1) ** 2 - 1)  # of a Gaussian
+    return data[HEADER.size + count * n_bytes :]
+
+
+def _declared_axes(path: Path, extensions: bytes) -> str:
+    """Return the entry of AXES that extensions declare."""
+    start = 0
+    while start + RECORD.size <= len(extensions):
+        kind, size = RECORD.unpack_from(extensions, start)
+        start += RECORD.size
+        if kind == AXES_KIND:
+            (number,) = struct.unpack_from("<I", extensions, start)
+            if number >= len(AXES):
+                raise damaged(path, f"it declares the axes {number}, where 0 to {len(AXES) - 1} are known")
+            return AXES[number]
+        start += size
+    return AXES[0]
+
+
+def write_spz(path: Path, splats: SplatFile, version: int = 3) -> None:
+    """Write Gaussians as SPZ; columns are dropped. Raises BadRequest if a center is out of its range.
+
+    version: 3, which all readers know, or 4, which declares its axes.
+    """
     bits = _fraction_bits(path, float(np.abs(splats.table[:, :3]).max()))
 
     def write_packed(temporary: Path) -> None:
         with needing_packages():
             import gsply
 
-            gsply.write_spz(temporary, to_package(upright(splats.table)), version=3, fractional_bits=bits)
-        if splats.is_antialiased:
+            if version == STREAMED:
+                import zstandard  # noqa: F401  gsply packs streams with it
+            gsply.write_spz(temporary, to_package(upright(splats.table)), version=version, fractional_bits=bits)
+        if version == STREAMED:
+            temporary.write_bytes(_declaring_axes(temporary.read_bytes(), bool(splats.is_antialiased)))
+        elif splats.is_antialiased:
             data = bytearray(gzip.decompress(temporary.read_bytes()))
             data[FLAGS_AT] |= ANTIALIASED
             temporary.write_bytes(gzip.compress(data, mtime=0))
 
     atomic_write(path, write_packed)
+
+
+def _declaring_axes(data: bytes, is_antialiased: bool) -> bytes:
+    """Return the bytes of a file of version 4 without extensions with its axes and flags."""
+    axes = RECORD.pack(AXES_KIND, 4) + struct.pack("<I", AXES.index("RUB", 1))
+    head = bytearray(data[:RECORDS_AT])
+    head[FLAGS_AT] |= EXTENDED | (ANTIALIASED if is_antialiased else 0)
+    struct.pack_into("<I", head, STREAMS_AT, RECORDS_AT + len(axes))
+    return bytes(head) + axes + data[RECORDS_AT:]
 
 
 def _fraction_bits(path: Path, farthest: float) -> int:
@@ -178,25 +215,3 @@ def _fraction_bits(path: Path, farthest: float) -> int:
             most=most / 2**LEAST_BITS,
         )
     return int(np.floor(np.log2(most / max(farthest, 2.0 ** (POSITION_BITS - MOST_BITS)))))
-
-
-# -------------------------------------------------------------------------------------------------------------------- SOG
-def read_sog(path: Path) -> SplatFile:
-    """Read Gaussians of a .sog archive."""
-    data = read_bytes(path)
-    with explaining(path):
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            meta = json.loads(archive.read(META))
-        if meta.get("version") != SOG_VERSION:
-            raise damaged(path, f"it is of version {meta.get('version', 1)!r}, where {SOG_VERSION} is read")
-        if type(meta["count"]) is not int:
-            raise ValueError(f"{str(meta['count'])[:40]!r} is no whole number")
-        for part in {"scales", "sh0", "shN"} & meta.keys():
-            if np.array(meta[part]["codebook"], np.float32).shape != (CODES,):
-                raise ValueError(f"{CODES} numbers were expected in the codebook of {part}")
-        import imagecodecs  # noqa: F401  gsply reads pictures with it
-        from gsply import sogread
-
-        table = _from_package(sogread(data))  # pyright: ignore
-    is_antialiased = meta.get("antialias")
-    return SplatFile(checked(path, table), is_antialiased if isinstance(is_antialiased, bool) else None)

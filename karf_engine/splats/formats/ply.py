@@ -6,7 +6,12 @@ f_rest_0..44 (channel by channel: all of red, then green, then blue), opacity (l
 have any order and any PLY type, as text or binary. Comments name the screen filter: Brush's `SplatRenderMode: mip`,
 Postshot's `antialiased 1`.
 
-Values are float32 in memory and on disk, so a round trip is exact.
+Values are float32 in memory and on disk, so a round trip is exact. Three kinds of files are read as what they stand for,
+and keep their own values when rewritten:
+
+- Mip-Splatting (Yu et al. 2024): `filter_3D`, world units, widens scales and lowers opacities, as its `save_fused_ply` does.
+- 2D Gaussian Splatting (Huang et al. 2024): without scale_2, Gaussians are flat.
+- Rows that are no Gaussians are skipped.
 """
 
 from __future__ import annotations
@@ -23,11 +28,13 @@ from ...errors import DataError
 from ...io.files import atomic_write
 from ...io.ply import Header, Ply, encode_ply, read_ply
 from ..gaussians import DEGREES
-from ..kernels.arrays import COLOR
-from .splat_file import SplatFile, checked, damaged, explaining
+from ..kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
+from .splat_file import SplatFile, damaged, explaining, logits, usable_rows
 
 GEOMETRY = ("x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "opacity")
 NORMALS = ("nx", "ny", "nz")
+FILTER = "filter_3D"
+THICKNESS, FLAT = "scale_2", np.log(1e-6)  # of a flat Gaussian
 FILTERED = re.compile(r"(SplatRenderMode: mip|antialiased 1)\s*$", re.IGNORECASE)
 UNFILTERED = re.compile(r"(SplatRenderMode: default|antialiased 0)\s*$", re.IGNORECASE)
 
@@ -43,6 +50,7 @@ class Original:
 
     path: Path
     splats: SplatFile  # as `read` returns it
+    rows: np.ndarray  # of its Gaussians, [n] int64
     _ply: Ply
 
     @property
@@ -58,13 +66,18 @@ def open_original(path: Path) -> Original:
         ply = read_ply(data)
         rows = ply.table("vertex")
     names = _names_in(path, rows)
-    foreign = [name for name in rows.dtype.names or () if name not in {*names, *NORMALS}]
-    columns = {name: rows[name].astype(rows.dtype[name].newbyteorder("=")) for name in foreign}
+    have = rows.dtype.names or ()
     table = np.empty((len(rows), len(names)), np.float32)
     with np.errstate(over="ignore"):
         for number, name in enumerate(names):
-            table[:, number] = rows[name]
-    return Original(path, SplatFile(checked(path, table), _filter_of(ply.header), columns), ply)
+            table[:, number] = rows[name] if name in have else FLAT
+    if FILTER in have:
+        _fuse(table, rows[FILTER], LOG_SCALE + sum(name.startswith("scale_") for name in have if name in names))
+    table, is_usable = usable_rows(path, table)
+    foreign = [name for name in have if name not in {*names, *NORMALS, FILTER}]
+    columns = {name: rows[name][is_usable].astype(rows.dtype[name].newbyteorder("=")) for name in foreign}
+    splats = SplatFile(table, _filter_of(ply.header), columns, int(np.sum(~is_usable)))
+    return Original(path, splats, np.flatnonzero(is_usable), ply)
 
 
 def write(path: Path, splats: SplatFile) -> None:
@@ -83,7 +96,9 @@ def write(path: Path, splats: SplatFile) -> None:
 
 
 def rewrite(original: Original, out: Path, table: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write a binary PLY file with changed values; all other bytes stay. Raises DataError for a text file.
+    """Write a binary PLY file with changed values; all other bytes stay, also of skipped rows.
+
+    Raises DataError for a text file, and ValueError for changed values that the file does not hold as they are read.
 
     Args:
         original: The file; `out` may be the same.
@@ -104,11 +119,15 @@ def rewrite(original: Original, out: Path, table: np.ndarray, columns: Mapping[s
     written = np.zeros(len(rows), fields)
     for name in names:
         written[name] = rows[name]
+    derived = {*GEOMETRY[LOG_SCALE:ROTATION], GEOMETRY[LOGIT]} if FILTER in names else {*GEOMETRY} - {*names}
     for name, before, after in zip(property_names(old.shape[1]), old.T, table.T, strict=True):
         differs = before != after  # other values keep their full precision
-        written[name][differs] = after[differs]
+        if name in derived and differs.any():
+            raise ValueError(f"{name} of {original.path} is not stored as it is read")
+        if name in names:
+            written[name][original.rows[differs]] = after[differs]
     for name, column in columns.items():
-        written[name] = column
+        written[name][original.rows] = column
     content = original._ply.with_vertices(written)
     atomic_write(out, lambda temporary: temporary.write_bytes(content))
 
@@ -132,10 +151,20 @@ def _names_in(path: Path, rows: np.ndarray) -> list[str]:
     if n_rest % 3 or n_rest // 3 + 1 not in DEGREES:
         raise damaged(path, f"it has {n_rest} properties f_rest, where 0, 9, 24 or 45 are known")
     names = property_names(COLOR + 3 + n_rest)
-    lacking = [name for name in names if name not in have]
+    lacking = [name for name in names if name not in have and name != THICKNESS]
     if lacking:
         raise damaged(path, f"its vertices have no {' '.join(lacking)}")
     return names
+
+
+def _fuse(table: np.ndarray, sizes: np.ndarray, end: int) -> None:
+    """Widen the Gaussians of a table, in place, by the 3D filter of Mip-Splatting. sizes: [n]. end: of the stored scales."""
+    scales = table[:, LOG_SCALE:end].astype(np.float64)
+    with np.errstate(all="ignore"):
+        widened = np.logaddexp(2 * scales, 2 * np.log(np.abs(sizes, dtype=np.float64))[:, None]) / 2
+        shares = np.exp((scales - widened).sum(1))  # square root of the ratio of determinants
+        table[:, LOG_SCALE:end] = widened
+        table[:, LOGIT] = logits(shares / (1 + np.exp(-table[:, LOGIT].astype(np.float64))))
 
 
 def _filter_of(header: Header) -> bool | None:

@@ -11,16 +11,17 @@ import numpy as np
 from ...capture.camera import Camera
 from ...capture.capture import CapturedSplats
 from ...capture.reader_utils import read_bytes
+from ...compute.progress import Emit
 from ...errors import BadRequest
 from ...io.files import check_file
 from ...io.limited import run_limited
 from ...io.ply import MOST_HEADER, read_header
 from ..gaussians import Gaussians, imported_gaussians
 from ..kernels.arrays import C0
-from . import gltf, packed, ply, usd
-from .splat_file import SplatFile, checked, damaged, log_scales, logits
+from . import gltf, packed, ply, sog, usd
+from .splat_file import SplatFile, damaged, log_scales, logits, usable
 
-PARTS = ("table", "is_antialiased")
+PARTS = ("table", "is_antialiased", "n_skipped")
 SPLAT_ROW = np.dtype(
     [("center", "<f4", 3), ("scales", "<f4", 3), ("color", "u1", 3), ("opacity", "u1"), ("rotation", "u1", 4)]
 )
@@ -41,7 +42,7 @@ def read_splat(path: Path) -> SplatFile:
     rotations[~rotations.any(1), 0] = 1
     colors = (rows["color"] / 255 - 0.5) / C0
     parts = (rows["center"], log_scales(rows["scales"]), rotations / HALF_BYTE, logits(rows["opacity"] / 255)[:, None])
-    return SplatFile(checked(path, np.concatenate([*parts, colors], 1)))
+    return usable(path, np.concatenate([*parts, colors], 1))
 
 
 @dataclass(frozen=True)
@@ -55,15 +56,16 @@ class Kind:
 
 
 COMPRESSED_PLY = Kind((".compressed.ply",), packed.read_compressed_ply, packed.write_compressed_ply)
+SPZ = Kind((".spz",), packed.read_spz, packed.write_spz)
 PLAIN_PLY = Kind((".ply",), ply.read, ply.write, is_limited=False)
 KINDS = (
     COMPRESSED_PLY,  # before the shorter extension
     PLAIN_PLY,
-    Kind((".spz",), packed.read_spz, packed.write_spz),
+    SPZ,
     Kind((".glb", ".gltf"), gltf.read, gltf.write),
     Kind((".usda", ".usdc", ".usd"), usd.read, usd.write),
+    Kind((".sog",), sog.read, sog.write),
     Kind((".usdz",), usd.read),
-    Kind((".sog",), packed.read_sog),
     Kind((".splat",), read_splat, is_limited=False),
 )
 WRITTEN = tuple(kind for kind in KINDS if kind.write)
@@ -78,20 +80,33 @@ def read_splats(path: Path) -> SplatFile:
     kind = _kind_to_read(path)
     if not kind.is_limited:
         return kind.read(path)
-    table, is_antialiased = run_limited(arrays_of, path, PARTS)
-    return SplatFile(table, bool(is_antialiased[0]) if len(is_antialiased) else None)
+    table, is_antialiased, n_skipped = run_limited(arrays_of, path, PARTS)
+    return SplatFile(table, bool(is_antialiased[0]) if len(is_antialiased) else None, n_skipped=int(n_skipped))
 
 
 def arrays_of(path: Path) -> dict[str, np.ndarray]:
-    """Read a file in this process; return table and `is_antialiased` ([1] bool, or [0] for None)."""
+    """Read a file in this process; return table, `is_antialiased` ([1] bool, or [0] for None) and `n_skipped`."""
     splats = _kind_to_read(path).read(path)
     is_antialiased = [] if splats.is_antialiased is None else [splats.is_antialiased]
-    return dict(zip(PARTS, (splats.table, np.array(is_antialiased, bool)), strict=True))
+    values = (splats.table, np.array(is_antialiased, bool), np.array(splats.n_skipped))
+    return dict(zip(PARTS, values, strict=True))
 
 
-def read_captured_gaussians(splats: CapturedSplats, cameras: Sequence[Camera]) -> Gaussians:
-    """Read the Gaussians of a capture, over black. cameras: of the capture. Raises as `read_splats`."""
-    return imported_gaussians(read_splats(splats.path).table, splats.is_antialiased, cameras)
+def read_captured_gaussians(splats: CapturedSplats, cameras: Sequence[Camera], emit: Emit) -> Gaussians:
+    """Read the Gaussians of a capture, over black; warn of skipped rows. Raises as `read_splats`.
+
+    cameras: of the capture.
+    """
+    found = read_splats(splats.path)
+    warn_of_skipped(found, splats.path, emit)
+    return imported_gaussians(found.table, splats.is_antialiased, cameras)
+
+
+def warn_of_skipped(splats: SplatFile, path: Path, emit: Emit) -> None:
+    """Emit a warning where rows of the file were skipped."""
+    remark = splats.remark(path)
+    if remark is not None:
+        emit("warning", code="splats", sentence=remark)
 
 
 def _kind_to_read(path: Path) -> Kind:
@@ -114,14 +129,17 @@ def is_plain_ply(path: Path) -> bool:
         return True
 
 
-def write_splats(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians atomically in the format of the extension; columns only as .ply.
+def write_splats(path: Path, splats: SplatFile, spz_version: int = 3) -> None:
+    """Write Gaussians atomically in the format of the extension; columns only as .ply. spz_version: see `write_spz`.
 
     Raises BadRequest for an unknown extension or centers out of its range, and MissingDependency.
     """
-    write = _kind(path, WRITTEN).write
-    assert write is not None
-    write(path, splats)
+    kind = _kind(path, WRITTEN)
+    if kind is SPZ:
+        packed.write_spz(path, splats, spz_version)
+        return
+    assert kind.write is not None
+    kind.write(path, splats)
 
 
 def end_of(path: Path) -> str:
@@ -136,4 +154,7 @@ def _kind(path: Path, kinds: tuple[Kind, ...]) -> Kind:
         if name.endswith(kind.ends):
             return kind
     ends = ", ".join(end for kind in kinds for end in kind.ends)
-    raise BadRequest(f"{path} has none of the ends {ends}.", "Give the file a name with one of them.")
+    raise BadRequest(
+        f"{path} has none of the ends {ends}.",
+        "Give the file a name with one of them; convert other kinds of splats to .ply, for example with SuperSplat.",
+    )

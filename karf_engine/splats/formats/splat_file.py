@@ -6,14 +6,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...capture.camera import LARGEST_POSITION
-from ...errors import DataError, KarfError, is_out_of_memory, missing_extra
+from ...errors import DataError, KarfError, Message, is_out_of_memory, missing_extra
 from ..kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
-from ..similarity import transform_table
+from ..similarity import mirror_table, transform_table
 
 EXTRA = "splats"  # the extra of pyproject.toml
 LOGITS = (-87.0, 16.0)  # beyond these the opacity rounds to 0 or 1 in float32
@@ -23,6 +22,7 @@ LARGEST_HARMONIC = 1e6
 # PLY files usually have COLMAP's axes (x right, y down, z forward). Formats that define an up axis are written in
 # OpenGL's (x right, y up, z backward), as nianticlabs/spz does: a half turn about x, its own inverse.
 UPRIGHT = np.diag([1.0, -1.0, -1.0, 1.0])
+SIDES = {"R": (1, 0, 0), "L": (-1, 0, 0), "D": (0, 1, 0), "U": (0, -1, 0), "F": (0, 0, 1), "B": (0, 0, -1)}  # in PLY
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,37 @@ class SplatFile:
     table: np.ndarray  # [n, 11 + 3 K] float32, C-contiguous, finite; columns as in `gaussians.Gaussians.table`
     is_antialiased: bool | None = None  # trained with an opacity-compensated screen filter (Mip-Splatting)
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)  # other values per Gaussian, [n]; PLY only
+    n_skipped: int = 0  # rows of the file that are no Gaussians
 
     def __len__(self) -> int:
         return len(self.table)
+
+    def remark(self, path: Path) -> Message | None:
+        """Return a sentence about skipped rows, or None. path: the file."""
+        if not self.n_skipped:
+            return None
+        return Message(
+            "{path}: {skipped} of {count} rows are no Gaussians (values that are not finite, or rotations of zeros), and "
+            "are left out.",
+            path=path,
+            skipped=self.n_skipped,
+            count=self.n_skipped + len(self),
+        )
 
 
 def upright(table: np.ndarray) -> np.ndarray:
     """Rotate a table [n, 11 + 3 K] by 180 degrees about x, exactly."""
     return transform_table(table, UPRIGHT)
+
+
+def from_axes(table: np.ndarray, axes: str) -> np.ndarray:
+    """Return a table in the axes of PLY. axes: the sides that x, y and z point to, keys of `SIDES`, such as RUB."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.array([SIDES[side] for side in axes]).T
+    if np.linalg.det(matrix) < 0:  # left-handed
+        table = mirror_table(table)
+        matrix[:, 2] *= -1
+    return transform_table(table, matrix)
 
 
 def damaged(path: Path, reason: str) -> DataError:
@@ -73,40 +96,44 @@ def explaining(path: Path) -> Iterator[None]:
         raise damaged(path, words.rstrip(".") or type(error).__name__) from error
 
 
-def checked(path: Path, table: np.ndarray) -> np.ndarray:
-    """Return a table [n, 11 + 3 K] of any float type as in `SplatFile`; infinite logits and log scales are clipped.
+def usable_rows(path: Path, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows of a table [n, 11 + 3 K] of any float type that are Gaussians, and which they are, [n] bool.
 
-    Raises DataError if the table is empty, or for the first row that is not a Gaussian. path: for messages.
+    The rows are as in `SplatFile`; infinite logits and log scales are clipped. Raises DataError if there are none.
+    path: for messages.
     """
     if len(table) == 0:
         raise damaged(path, "it has no Gaussians")
     with np.errstate(over="ignore"):
         table = np.array(table, np.float32, order="C")
-    centers, scales, rotations = table[:, :LOG_SCALE], table[:, LOG_SCALE:ROTATION], table[:, ROTATION:LOGIT]
-    lengths = np.linalg.norm(rotations.astype(np.float64), axis=1)
-    # NaN fails every comparison
-    _refuse(path, "a center that is not finite", (np.abs(centers) <= LARGEST_POSITION).all(1))
-    _refuse(path, "a scale that is not finite", (scales <= LOG_SCALES[1]).all(1))
-    _refuse(path, "a rotation that is no quaternion", (lengths >= LENGTHS[0]) & (lengths <= LENGTHS[1]))
-    _refuse(path, "an opacity that is not a number", ~np.isnan(table[:, LOGIT]))
-    _refuse(path, "a color that is not finite", (np.abs(table[:, COLOR:]) <= LARGEST_HARMONIC).all(1))
-    np.clip(scales, *LOG_SCALES, out=scales)
-    np.clip(table[:, LOGIT], *LOGITS, out=table[:, LOGIT])
-    return table
-
-
-def _refuse(path: Path, what: str, is_good: Any) -> None:
-    """Raise DataError for the first row of [n] bool that is false."""
-    if not is_good.all():
-        row = int(np.argmin(is_good))
+    lengths = np.linalg.norm(table[:, ROTATION:LOGIT].astype(np.float64), axis=1)
+    checks = {  # NaN fails every comparison
+        "a center that is not finite": (np.abs(table[:, :LOG_SCALE]) <= LARGEST_POSITION).all(1),
+        "a scale that is not finite": (table[:, LOG_SCALE:ROTATION] <= LOG_SCALES[1]).all(1),
+        "a rotation that is no quaternion": (lengths >= LENGTHS[0]) & (lengths <= LENGTHS[1]),
+        "an opacity that is not a number": ~np.isnan(table[:, LOGIT]),
+        "a color that is not finite": (np.abs(table[:, COLOR:]) <= LARGEST_HARMONIC).all(1),
+    }
+    is_usable = np.all([*checks.values()], axis=0)
+    if not is_usable.any():
         raise DataError(
-            "{path} cannot be read as Gaussians: row {row} of {count}, counted from 0, has {what}.",
-            "Remove such Gaussians in the program that wrote the file, and export it again.",
+            "{path} cannot be read as Gaussians: none of its {count} rows is one; the first has {what}.",
+            "Export it again in the program that wrote it.",
             path=path,
-            row=row,
-            count=len(is_good),
-            what=what,
+            count=len(table),
+            what=next(what for what, is_good in checks.items() if not is_good[0]),
         )
+    if not is_usable.all():
+        table = table[is_usable]
+    np.clip(table[:, LOG_SCALE:ROTATION], *LOG_SCALES, out=table[:, LOG_SCALE:ROTATION])
+    np.clip(table[:, LOGIT], *LOGITS, out=table[:, LOGIT])
+    return table, is_usable
+
+
+def usable(path: Path, table: np.ndarray, is_antialiased: bool | None = None) -> SplatFile:
+    """Return the content of a file without columns by `usable_rows`."""
+    table, is_usable = usable_rows(path, table)
+    return SplatFile(table, is_antialiased, n_skipped=int(np.sum(~is_usable)))
 
 
 def unit_rotations(table: np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 Format: openusd.org, UsdVol's user guide: positions, scales (not logarithms), orientations, opacities, and
 radiance:sphericalHarmonicsCoefficients, K per particle in the order of Kerbl et al., each in single or half precision.
-The schema defines no color space; colors are read as display-referred sRGB, as trainers learn them.
+The schema defines no color space; colors are read as display-referred sRGB, as trainers learn them. Files that declare
+another one (ColorSpaceAPI, or the attribute's own) are refused: it is also the one in which Gaussians blend.
 
 The table is written as in PLY, below a rotation by 180 degrees about x (see `UPRIGHT`), on a y-up stage in meters.
 Transforms of prims are applied when reading, z up or y up; the unit is ignored. Files that refer to others are refused.
@@ -27,7 +28,6 @@ from ..similarity import transform_table
 from .splat_file import (
     UPRIGHT,
     SplatFile,
-    checked,
     damaged,
     explaining,
     log_scales,
@@ -35,6 +35,7 @@ from .splat_file import (
     needing_packages,
     opacities,
     unit_rotations,
+    usable,
 )
 
 if TYPE_CHECKING:
@@ -43,6 +44,9 @@ if TYPE_CHECKING:
 NAME = "/Gaussians"
 MOST_PRIMS = 10_000  # of the composed stage
 SIGMAS = 3  # of a Gaussian, for the bounds
+HARMONICS = "radiance:sphericalHarmonicsCoefficients"
+# sRGB by its name in USD and by 3DGRUT's, and the names that declare nothing
+SRGB = ("srgb_rec709_scene", "srgb_rec709_display", "", "raw", "data", "identity", "unknown")
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # into y up
 
 
@@ -53,7 +57,7 @@ def read(path: Path) -> SplatFile:
         from pxr import Tf
 
         try:
-            return SplatFile(checked(path, np.concatenate(_tables(path))))
+            return usable(path, np.concatenate(_tables(path)))
         except Tf.ErrorException as error:  # its message may hold undecodable bytes
             raise damaged(path, "usd-core cannot read it") from error
 
@@ -82,6 +86,7 @@ def _tables(path: Path) -> list[np.ndarray]:
         if number == MOST_PRIMS:  # instances multiply without taking memory, and so without a limit
             raise damaged(path, f"it has more than {MOST_PRIMS:,} prims, those that appear again by references counted")
         if prim.GetTypeName() == "ParticleField3DGaussianSplat":
+            _check_colors(path, prim)
             matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
             tables.append(transform_table(_table(path, prim), axes @ matrix))
     if not tables:
@@ -112,6 +117,23 @@ def _with_clips(layer: Sdf.Layer) -> list[str]:
     return [f"the value clips of {prim.path}" for prim in prims if prim.HasInfo("clips")]
 
 
+def _check_colors(path: Path, prim: Usd.Prim) -> None:
+    """Raise DataError if a prim, one above it or its colors themselves declare another color space than sRGB."""
+    from pxr import Usd
+
+    attributes = [prim.GetAttribute(name) for name in (HARMONICS, f"{HARMONICS}h")]
+    for attribute in filter(Usd.Attribute.HasValue, attributes):
+        declared = Usd.ColorSpaceAPI.ComputeColorSpaceName(attribute, None)
+        space = declared or prim.GetAttribute("colorSpace:name").Get() or ""  # also without the schema applied
+        if space not in SRGB:
+            raise DataError(
+                "{path} has Gaussians in the color space {space!r}; sRGB is read.",
+                "Export them in sRGB, as trainers learn them from photos, or as .ply.",
+                path=path,
+                space=str(space),
+            )
+
+
 def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
     """Return the table [n, 11 + 3 K] float32 of a prim."""
     degree = prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get()
@@ -119,7 +141,7 @@ def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
         raise damaged(path, f"its harmonics are of degree {degree}; 0 to 3 are read")
     centers = _values(prim, "positions")
     n_harmonics = (degree + 1) ** 2
-    harmonics = _values(prim, "radiance:sphericalHarmonicsCoefficients")[: len(centers) * n_harmonics]
+    harmonics = _values(prim, HARMONICS)[: len(centers) * n_harmonics]
     parts = (
         centers,
         log_scales(_values(prim, "scales")),

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ...errors import BadRequest
-from .photos import chart, correct, inspect, masks, propose
+from .photos import chart, correct, inspect, masks, photo, propose
 from .renders import harmonics, preview, show
 from .session import Query, Session
 
@@ -20,6 +20,7 @@ QUERIES: dict[str, Query] = {
     "harmonics": harmonics,
     "inspect": inspect,
     "masks": masks,
+    "photo": photo,
     "preview": preview,
     "propose": propose,
     "show": show,

@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...capture.camera import Camera
+from ...capture.capture import View
 from ...capture.distortion import undistort_points
+from ...capture.training_images import read_photo_of_view
+from ...capture.transforms import camera_from_json
 from ...compute.progress import Progress
 from ...errors import BadRequest
 from ...io.files import checksum
-from ...io.images import resize, write_png
+from ...io.images import alpha_composite, resize, write_png
 from ...project import Project
 from ...project.contents import read_capture, settings_for
 from ...project.volumes import read_volumes
 from .session import Session, query
 
 if TYPE_CHECKING:
-    from ...capture.capture import View
     from ...segmentation.coarse_masks import CoarseMask
     from ...segmentation.labels import CorrectionSession
 
@@ -34,21 +36,37 @@ def chart(session: Session, photo: str) -> dict[str, Any]:
 
 
 @query
-def inspect(session: Session, capture: str, holdout: int | None = None, masks: str | None = None) -> dict[str, Any]:
+def inspect(
+    session: Session, capture: str, holdout: int | None = None, masks: str | None = None, without: list | None = None
+) -> dict[str, Any]:
     """Return advice about a capture before learning, with options of the command: `advice`, `is_poor`, and `picture`.
 
     `advice` has the sentence and the findings (`Message.to_json`); `picture` is a map of where more photos would help.
+    `blurred` are the names of blurred photos.
     """
     from ...capture.advice import draw_map
     from ...commands.inspect import run
     from ...commands.options import InspectOptions
 
-    options = InspectOptions.from_json({"capture": capture, "holdout": holdout, "masks": masks})
+    options = InspectOptions.from_json(
+        {"capture": capture, "holdout": holdout, "masks": masks, "without": without or ()}
+    )
     advice = run(options, lambda *_, **__: None, session.is_superseded)
     picture = session.file("more_photos.png")
     draw_map(picture, advice)
     messages = [each.to_json() for each in (advice.sentence, *advice.findings)]
-    return {"advice": messages, "is_poor": advice.is_poor, "picture": str(picture)}
+    found = {"advice": messages, "is_poor": advice.is_poor, "blurred": advice.inspection.blurred}
+    return found | {"picture": str(picture)}
+
+
+@query
+def photo(session: Session, photo: str, camera: dict) -> dict[str, Any]:
+    """Write a `photo` that the asker cannot read as its camera sees it: an 8-bit PNG in sRGB, upright, over white."""
+    path = Path(photo)
+    pixels = read_photo_of_view(View(path.name, path.name, camera_from_json(camera, "the query"), path, "train"))
+    copy = session.file("photo.png")
+    write_png(copy, alpha_composite(pixels[..., :3], pixels[..., 3] if pixels.shape[-1] == 4 else None))
+    return {"photo": str(copy)}
 
 
 @query

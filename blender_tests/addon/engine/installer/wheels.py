@@ -27,6 +27,7 @@ MODULES = {  # package -> module
     "filelock": "filelock",
     "imageio": "imageio",
     "pillow": "PIL",
+    "pillow-heif": "pillow_heif",
     "opencv-python-headless": "cv2",
     "openexr": "OpenEXR",
     "numba": "numba",
