@@ -17,7 +17,7 @@ import pytest
 
 from blender_tests.engine.conftest import learned, still_life  # noqa: F401  fixtures
 from blender_tests.engine.export.page.conftest import imported  # noqa: F401
-from tools.browser import PROGRAMS, WEB, Browser, Unavailable, open_browser
+from tools.window.browser import PROGRAMS, WEB, Browser, Unavailable, open_browser
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import imageio.v3 as imageio
 
-from ..browser import open_browser
 from . import record
+from .browser import open_browser
 from .screen import System, pixels_of, run_blender, virtual_screen
 
 ROOT = Path(__file__).resolve().parents[2]

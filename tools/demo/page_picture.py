@@ -1,7 +1,7 @@
 """Write README's picture of a web page in motion: its looks are chosen one after the other while the scene turns.
 
 .venv/engine/bin/python -m karf_engine export-page PROJECT --out PAGE --single --look LOOK ...
-.venv/engine/bin/python -m tools.browser PAGE/index.html
+.venv/engine/bin/python -m tools.demo.page_picture PAGE/index.html
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from . import WEB, open_browser
+from ..window.browser import WEB, open_browser
 
 PICTURE = WEB.parents[3] / "docs" / "images" / "page.webp"
 SIZE, WIDTH = (1120, 700), 840  # of the browser, and of the picture

@@ -14,7 +14,7 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from ..window.screen import SOFTWARE, System, virtual_screen
+from .screen import SOFTWARE, System, virtual_screen
 
 WEB = Path(__file__).resolve().parents[2] / "karf_engine" / "export" / "page" / "web"
 PROGRAMS = {"chromium": ("chromium", "google-chrome"), "firefox": ("firefox-esr", "firefox")}
