@@ -272,6 +272,15 @@ def export_splat(project: PathLike, out: PathLike, **options: Any) -> None:
     """
 
 
+@_command("export-page")
+def export_page(project: PathLike, out: PathLike, **options: Any) -> None:
+    """Write a web page that shows the scene in its looks, and recolors it in the browser; needs the extra `splats`.
+
+    Example:
+        export_page("garden_karf", "page", looks=["mint.json", "rust.json"], title="Garden")
+    """
+
+
 @_command("farm", hidden=("masks", "preset", "holdout"), source="project", listens=False)
 def render_bundle(project: PathLike, out: PathLike, **options: Any) -> Path:
     """Write a job bundle that renders frames of a learned project on a render farm. Returns its absolute folder.

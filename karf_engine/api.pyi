@@ -239,6 +239,25 @@ def export_splat(
     emit: Emit | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> None: ...
+def export_page(
+    project: PathLike,
+    out: PathLike,
+    *,
+    looks: Sequence[PathLike] = (),
+    sheet: PathLike | None = None,
+    single: bool = False,
+    title: str = "",
+    studio: str = "",
+    logo: PathLike | None = None,
+    locked: list[str] | tuple[str, ...] = (),
+    overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
+    reduce: int | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
 def render_bundle(
     project: PathLike,
     out: PathLike,

@@ -9,6 +9,7 @@
     python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/reliability.md
     python3 tools/dev.py build               the extension's zip, repository and checksums in dist/; sets nothing up
     python3 tools/dev.py wheel               the engine's wheel and source archive in dist/, checked
+    python3 tools/dev.py page                the viewer of web pages for `karf export-page`; needs Node and npm
     python3 tools/dev.py docs                the documentation site in docs_out/; a warning is an error
     python3 tools/dev.py lock                the lock files from which uv makes the engine's environment
     python3 tools/dev.py setup               only the environments
@@ -33,10 +34,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+WEB = ROOT / "karf_engine" / "export" / "page" / "web"
 # folders of the engine's tests that take about as long as all others
 FIRST_HALF = ("capture", "cli", "commands", "compute", "export", "faults")
 PASSING_ON = ("test", "matrix", "build", "evaluate", "faults", "fuzz", "window")  # verbs with another program's options
-BARE = ("build", "matrix", "lock")  # verbs that need no environment, or make their own
+BARE = ("build", "matrix", "lock", "page")  # verbs that need no environment, or make their own
 # of processes that are forked after numpy and torch were imported: they must find no other threads
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 BLENDER_LIBRARIES = (
@@ -65,6 +67,7 @@ def main() -> int:
         "rest", nargs=argparse.REMAINDER, help="--release: for publishing, refuse while a published table is stale"
     )
     verbs.add_parser("wheel", help="the engine's wheel and source archive in dist/, checked")
+    verbs.add_parser("page", help="the viewer of web pages for `karf export-page`; needs Node and npm")
     verbs.add_parser("docs", help="the documentation site in docs_out/; a warning is an error")
     verbs.add_parser("lock", help="lock the packages of the engine's environment for every system")
     verbs.add_parser("setup", help="only the environments")
@@ -84,6 +87,7 @@ def main() -> int:
         "window": run_window,
         "build": build,
         "wheel": wheel,
+        "page": page,
         "docs": docs,
         "lock": lock,
     }
@@ -157,7 +161,7 @@ def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
             ("engine", "-m", "pytest", *(str(tests / name) for name in FIRST_HALF)),
             ("blender", "-m", "pytest", "blender_tests/addon"),
         ),
-        (("engine", "-m", "pytest", *others),),
+        (("engine", "-m", "pytest", *others), ("engine", "-m", "pytest", "blender_tests/page")),
     )
     with ThreadPoolExecutor(len(lanes)) as pool:
         return max(pool.map(run_lane, lanes))
@@ -245,6 +249,22 @@ def wheel(options: argparse.Namespace, rest: list[str]) -> int:
         for path in built if not code else ():
             print(shutil.copy(path, ROOT / "dist"))
     return code
+
+
+def page(options: argparse.Namespace, rest: list[str]) -> int:
+    """Bundle the viewer of web pages, with the licenses of what is in it, from packages in the versions of its lock file."""
+    npm = shutil.which("npm")
+    if npm is None or shutil.which("node") is None:
+        sys.exit(
+            "error: the viewer of web pages is built by Node and npm; on Debian or Ubuntu: apt-get install nodejs npm"
+        )
+    for command in (["ci"], ["run", "--silent", "build"]):
+        code = subprocess.run([npm, *command], cwd=WEB).returncode
+        if code:
+            return code
+    for path in sorted((WEB / "dist").iterdir()):
+        print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
+    return 0
 
 
 def docs(options: argparse.Namespace, rest: list[str]) -> int:

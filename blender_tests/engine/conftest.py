@@ -99,7 +99,11 @@ def run_engine(*arguments, python=(), environment=None, **options) -> subprocess
 def wheel(tmp_path_factory) -> Path:
     """The engine's wheel, built from a copy of the sources without network."""
     sources = tmp_path_factory.mktemp("wheel") / "sources"
-    shutil.copytree(ROOT / "karf_engine", sources / "karf_engine", ignore=shutil.ignore_patterns("__pycache__"))
+    ignored = shutil.ignore_patterns("__pycache__", "node_modules", "dist")
+    shutil.copytree(ROOT / "karf_engine", sources / "karf_engine", ignore=ignored)
+    viewer = sources / "karf_engine" / "export" / "page" / "web" / "dist"
+    viewer.mkdir(parents=True)
+    (viewer / "page.js").touch()  # a stand-in: Node builds the other
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, sources)
     return build_wheel(sources)

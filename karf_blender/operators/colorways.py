@@ -3,14 +3,25 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import steps
 from ..host.words import translatable, translate, translate_report
 from ..pictures import tints
 from ..swatches import colors, looks, overlays
 from ..tasks import runner
-from .base import IDLE, PALETTES, PROJECT, OpenFileOperator, StepOperator, Undoable, file_filter, need, reports_errors
+from .base import (
+    IDLE,
+    PALETTES,
+    PROJECT,
+    SPLATS,
+    OpenFileOperator,
+    StepOperator,
+    Undoable,
+    file_filter,
+    need,
+    reports_errors,
+)
 
 WHAT_ITEMS = [
     ("CAPTURE", "Captured Views", "Recolor each photo with every look"),
@@ -154,6 +165,37 @@ class KARF_OT_render_looks(VariantsOperator, bpy.types.Operator):
         of_camera = self.what == "CAMERA"
         runner.launch(steps.render_looks(context.scene, self.views, of_camera))
         return translate_report("Pictures will be in {path}", path=steps.looks_folder(context.scene, of_camera))
+
+
+class KARF_OT_export_page(StepOperator, bpy.types.Operator):
+    """Write a web page on which clients turn the scene, switch its looks and drag swatches that are not locked"""
+
+    bl_idname = "karf.export_page"
+    bl_label = "Export Page"
+    bl_options = {"REGISTER", "PRESET"}
+    needs = (IDLE, PROJECT, SPLATS)
+
+    directory: StringProperty(
+        name="Folder",
+        subtype="DIR_PATH",
+        description="New or empty folder, or one with an earlier page. Default: in the output folder",
+    )
+    title: StringProperty(name="Title", description="Default: the name of the scene")
+    studio: StringProperty(name="Studio", description="Who made it")
+    logo: StringProperty(name="Logo", subtype="FILE_PATH", description="PNG, JPEG, WebP or SVG")
+    single: BoolProperty(name="Single File", description="Put all into index.html, which opens by a double click")
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_props_dialog(self)
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        for name in ("directory", "title", "studio", "logo", "single"):
+            self.layout.prop(self, name)
+
+    def step(self, context):
+        out, logo = (bpy.path.abspath(path) for path in (self.directory, self.logo))
+        return steps.export_page(context.scene, out, self.title, self.studio, logo, self.single)
 
 
 class KARF_UL_colorways(bpy.types.UIList):

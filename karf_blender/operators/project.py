@@ -26,6 +26,7 @@ PAGE_ITEMS = [
     ("render", "Render", "Render recolored photos and views of other cameras"),
     ("colorways", "Colorways and Looks", "Many variants"),
     ("composite", "Composite", "Recolor with nodes, without the extension"),
+    ("page", "Web Page", "The looks in a client's browser"),
     ("show_in_3d", "Show in 3D", "The scene as an object"),
     ("splats", "Splats", "Exchange splats with other programs"),
 ]

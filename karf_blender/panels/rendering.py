@@ -61,6 +61,7 @@ def _draw_colorways(layout, karf):
     column = layout.column(align=True)
     column.operator("karf.colorways", icon="COLOR")
     column.operator("karf.render_looks", icon="RENDER_ANIMATION")
+    column.operator("karf.export_page", icon="URL")
 
 
 def _draw_compositor(layout, karf):

@@ -33,10 +33,12 @@ from .learn import extract_palette, learn_all, learn_scene, learn_splats, segmen
 from .looks import (
     colorways,
     colorways_folder,
+    export_page,
     flip_looks,
     keep_look,
     looks_folder,
     move_look,
+    page_folder,
     predict_colorways,
     remove_look,
     render_looks,

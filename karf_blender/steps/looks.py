@@ -1,17 +1,21 @@
-"""Steps 6 and 7: named looks, whole states of the swatches; each of them, or each colorway of a sheet, in all views."""
+"""Steps 6 and 7: named looks, whole states of the swatches: in all views, as colorways of a sheet are, or as a web page."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import bpy
 
 from .. import progress
-from ..engine_api import BadRequest, PlannedColorway, plan_colorways, write_edit, write_json
+from ..engine_api import BadRequest, Edit, Message, PlannedColorway, plan_colorways, write_edit, write_json
 from ..project import folders
-from ..swatches import colors, looks
+from ..render_engine import camera_pixels
+from ..swatches import colors, edits, looks
 from ..tasks.runner import Task
 from . import requests
 from .render import camera_folder, export_cameras
 from .swatches import save_edit
+
+NOT_KEPT = "Recolored"  # name of the swatches on a page, where the scene has no looks
 
 
 def keep_look(scene: bpy.types.Scene, name: str = "") -> str:
@@ -53,14 +57,57 @@ def render_looks(
     if not len(scene.karf.looks):
         raise BadRequest("The scene has no looks.", "Keep one first.")
     out = Path(out).absolute() if out else looks_folder(scene, of_camera)
-    edits = {look.name: looks.edit_of(look) for look in scene.karf.looks}
-    rows = [{"colorway": name, "edit": f"edits/{number}.json"} for number, name in enumerate(edits, 1)]
-    for row, edit in zip(rows, edits.values(), strict=True):
-        write_edit(out / row["edit"], edit)
-    write_json(out / "looks.json", rows)
+    sheet = _write_looks(out, {look.name: looks.edit_of(look) for look in scene.karf.looks})
     if of_camera:
         views = str(export_cameras(scene, out / "cameras.json"))
-    return colorways(scene, out / "looks.json", views, out)
+    return colorways(scene, sheet, views, out)
+
+
+def _write_looks(folder: Path, edits: Mapping[str, Edit]) -> Path:
+    """Write edits by name as a sheet of colorways; return its file."""
+    rows = [{"colorway": name, "edit": f"edits/{number}.json"} for number, name in enumerate(edits, 1)]
+    for row, edit in zip(rows, edits.values(), strict=True):
+        write_edit(folder / row["edit"], edit)
+    write_json(folder / "looks.json", rows)
+    return folder / "looks.json"
+
+
+def export_page(
+    scene: bpy.types.Scene,
+    out: str | Path | None = None,
+    title: str = "",
+    studio: str = "",
+    logo: str | Path | None = None,
+    single: bool = False,
+) -> Task:
+    """Write a web page with the scene's looks, or with the swatches as they are where it has none.
+
+    Locked swatches are not offered. The task's result is the page's index.html.
+
+    Args:
+        out: a new or empty folder, or one with an earlier page.
+        title: the page's heading; empty: the scene's name.
+        studio: who made it.
+        logo: a .png, .jpg, .webp or .svg.
+        single: whether index.html has everything.
+    """
+    out, karf = Path(out).absolute() if out else page_folder(scene), scene.karf
+    options = {"out": str(out), "title": title or scene.name, "studio": studio, "single": single}
+    options |= {"locked": _locked_options(scene), "overrides": [f"render.unseen={camera_pixels.unseen(scene)}"]}
+    if logo:
+        options["logo"] = str(Path(logo).absolute())
+    if karf.objects:
+        shown = {look.name: looks.edit_of(look) for look in karf.looks} or {NOT_KEPT: edits.current_edit(scene)}
+        options["sheet"] = str(_write_looks(folders.project_of(scene).path("page"), shown))
+    finish = requests.presenting(lambda _: None, Message("The web page is in {path}.", path=out), out)
+    return requests.task(
+        scene, "Export Page", ("export-page", options), finish=finish, result=lambda: out / "index.html"
+    )
+
+
+def page_folder(scene: bpy.types.Scene) -> Path:
+    """Where the web page goes, unless another folder is chosen."""
+    return folders.out_folder(scene) / "page"
 
 
 def looks_folder(scene: bpy.types.Scene, of_camera: bool = False) -> Path:
@@ -82,6 +129,10 @@ def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
     return {name: numbers for name, numbers in locked.items() if numbers}
 
 
+def _locked_options(scene: bpy.types.Scene) -> list[str]:
+    return [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
+
+
 def colorways(scene: bpy.types.Scene, sheet: str | Path, views: str = "all", out: str | Path | None = None) -> Task:
     """Have the engine write every colorway of a sheet (docs/files.md) in every view, with a table and a contact sheet.
 
@@ -91,8 +142,7 @@ def colorways(scene: bpy.types.Scene, sheet: str | Path, views: str = "all", out
     sheet = Path(sheet).absolute()
     planned = predict_colorways(scene, sheet)  # a wrong sheet is reported now, and not by a job
     out = Path(out).absolute() if out else colorways_folder(scene, sheet)
-    locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
-    options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked}
+    options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": _locked_options(scene)}
     light = colors.reference_light(scene)
     if light is not None:
         options["light"] = light.matrix.ravel().tolist()

@@ -46,7 +46,7 @@ def orbit(cameras: Sequence[Camera], count: int, elevation: float | None = None)
     for angle in azimuth[0] + np.arange(count) * 2 * np.pi / count:
         level = np.cos(angle) * right + np.sin(angle) * forward
         direction = np.cos(np.radians(height)) * level + np.sin(np.radians(height)) * placement.up
-        pose = _looking_at(placement.center + placement.radius * direction, placement.center, placement.up)
+        pose = looking_at(placement.center + placement.radius * direction, placement.center, placement.up)
         found.append(replace(first, camera_to_world=pose))
     return found
 
@@ -94,7 +94,7 @@ def _require(cameras: Sequence[Camera], count: int) -> None:
         raise BadRequest(f"A path needs {count} cameras or more, and has {len(cameras)}.", "Give more cameras.")
 
 
-def _looking_at(position: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
+def looking_at(position: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Return the pose [4, 4] of a camera that looks at a target."""
     back = (position - target) / np.linalg.norm(position - target)
     right = np.cross(up, back)

@@ -56,7 +56,7 @@ def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) 
     if options.edges is not None:
         project.require("palette")
         edges = read_edit_file(options.edges, read_palettes(project.verified(project.palette_file))).edges
-    planned = plan_colorways(project, options.sheet, _locked_swatches(options.locked), light, edges)
+    planned = plan_colorways(project, options.sheet, locked_swatches(options.locked), light, edges)
     _report(planned, light, emit)
     write_table(options.out / "colorways.csv", planned, light=light)
     if not options.predict_only:
@@ -67,7 +67,7 @@ def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) 
     emit("artifact", kind="colorways", path=str(options.out / "colorways.csv"))
 
 
-def _locked_swatches(swatches: Sequence[str]) -> dict[str, list[int]]:
+def locked_swatches(swatches: Sequence[str]) -> dict[str, list[int]]:
     """Parse texts `<object>/<number>` to numbers by object. Raises BadRequest for other texts."""
     locked: dict[str, list[int]] = {}
     for swatch in swatches:

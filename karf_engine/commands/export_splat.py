@@ -39,10 +39,7 @@ def run(options: ExportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
     if options.edit or options.sheet or options.objects or options.attributes:
         project.require("recoloring")
     job = open_job(options, emit, should_stop, project)
-    settings = replace(job.settings, render=replace(job.settings.render, source="splats"))
-    model = Model(project, job.runtime.device, settings)
-    if model.splats is None:
-        raise missing_package("numba")
+    model = load_splats(job)
     exporter = _Exporter(job, model, options)
     files = exporter.files()
     progress = job.progress("export-splat", len(files))
@@ -50,6 +47,15 @@ def run(options: ExportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
         exporter.write(path, edit)
         job.artifact("splats", path)
         progress.step()
+
+
+def load_splats(job: Job) -> Model:
+    """Load the model of a job whose project has splats, whatever its settings render from."""
+    settings = replace(job.settings, render=replace(job.settings.render, source="splats"))
+    model = Model(job.project, job.runtime.device, settings)
+    if model.splats is None:
+        raise missing_package("numba")
+    return model
 
 
 class _Exporter:

@@ -415,6 +415,35 @@ class ExportSplatOptions(ProjectOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ExportPageOptions(ProjectOptions):
+    """Write a web page that shows the scene in its looks, for a client's browser."""
+
+    command: ClassVar[str] = "export-page"
+
+    out: Path = option("the page's folder: new, empty, or with an earlier page, which is replaced", metavar="DIR")
+    looks: tuple[Path, ...] = option(
+        "EDIT.json or a palette file, a look of the file's name; may be repeated", (), flag="look", metavar="EDIT"
+    )
+    sheet: Path | None = option("a sheet as for colorways: a look for each of its colorways", None, metavar="FILE")
+    single: bool = option("put all into index.html, which opens by a double click", False)
+    title: str = option("heading of the page (default: the project's folder)", "", metavar="TEXT")
+    studio: str = option("who made it", "", metavar="TEXT")
+    logo: Path | None = option("picture beside the heading: .png, .jpg, .webp or .svg", None, metavar="FILE")
+    locked: tuple[str, ...] = option(
+        "a swatch that the page does not offer, as <object>/<number>; may be repeated", (), metavar="SWATCH"
+    )
+    overrides: tuple[str, ...] = option(
+        "change one setting, as render.unseen=shown, which fades nothing; may be repeated",
+        (),
+        flag="set",
+        metavar="render.FIELD=VALUE",
+    )
+    reduce: int | None = option(
+        "how many Gaussians at most, the least visible are left out", None, metavar="N", minimum=1000, maximum=500_000
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class FarmOptions(FrameOptions):
     """Write a job for a render farm: a folder by the Open Job Description specification."""
 
@@ -456,6 +485,7 @@ COMMANDS: dict[str, type[Options]] = {
         ColorwaysOptions,
         PointsOptions,
         ExportSplatOptions,
+        ExportPageOptions,
         FarmOptions,
     )
 }

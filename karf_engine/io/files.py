@@ -209,12 +209,12 @@ def read_json(path: Path, what: str) -> Any:
 
 
 @contextmanager
-def new_folder(out: Path) -> Iterator[Path]:
+def new_folder(out: Path, may_replace: Callable[[Path], bool] = lambda _: False) -> Iterator[Path]:
     """Yield a temporary folder that is renamed to `out` after the block, or removed if the block fails.
 
-    Raises BadRequest if `out` exists and is not empty.
+    may_replace: whether this folder, which is not empty, is replaced. Raises BadRequest for others.
     """
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+    if out.exists() and (not out.is_dir() or (any(out.iterdir()) and not may_replace(out))):
         raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder.")
     out.parent.mkdir(parents=True, exist_ok=True)
     remove_temporaries(out.parent)
@@ -223,9 +223,15 @@ def new_folder(out: Path) -> Iterator[Path]:
         folder = work / "new"
         folder.mkdir()
         yield folder
+        old = work / "old"
         if out.exists():
-            out.rmdir()  # it is empty
-        folder.replace(out)
+            replace(out, old)
+        try:
+            replace(folder, out)
+        except OSError:
+            if old.exists():
+                replace(old, out)
+            raise
     finally:
         shutil.rmtree(work, ignore_errors=True)
 

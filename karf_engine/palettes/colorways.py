@@ -24,7 +24,7 @@ from .calibration import ReferenceLight
 from .color_histogram import read_object_colors
 from .color_text import KINDS, color_of_row, csv_rows
 from .edge_shape import EdgeShape
-from .palette import Edit, read_palettes
+from .palette import Edit, Palette, read_palettes
 from .palette_files import read_edit_file
 from .prediction import Prediction, TargetColor, predict
 
@@ -71,12 +71,7 @@ def plan_colorways(
     project.require("palette")
     palettes = {palette.name: palette for palette in read_palettes(project.verified(project.palette_file))}
     locked = locked or {}
-    for name, numbers in locked.items():
-        for number in numbers:
-            if name not in palettes or not 0 <= number < len(palettes[name].colors):
-                raise BadRequest(
-                    f"There is no swatch {number} of {name!r} to lock.", f"Objects are: {', '.join(palettes)}."
-                )
+    check_locked(locked, palettes)
     colorways = read_sheet(sheet)
     for colorway in colorways:
         for target in colorway.target_colors:
@@ -101,6 +96,16 @@ def plan_colorways(
         edit = Edit(colors, "delta", edges=dict(edges or {}))
         planned.append(PlannedColorway(colorway, edit, tuple(predictions)))
     return tuple(planned)
+
+
+def check_locked(locked: Mapping[str, Sequence[int]], palettes: Mapping[str, Palette]) -> None:
+    """Raise BadRequest for locked swatches, numbers by object, that no palette has."""
+    for name, numbers in locked.items():
+        for number in numbers:
+            if name not in palettes or not 0 <= number < len(palettes[name].colors):
+                raise BadRequest(
+                    f"There is no swatch {number} of {name!r} to lock.", f"Objects are: {', '.join(palettes)}."
+                )
 
 
 def read_sheet(path: Path) -> tuple[Colorway, ...]:

@@ -144,13 +144,17 @@ class SplattedScene:
         edges, colors = active_edges(edit.edges), {name: colors.tobytes() for name, colors in edit.colors.items()}
         key = repr(edit.added), repr(edges), colors
         if self._baked is None or self._baked[0] != key:
-            objects = self.objects
-            if edges:
-                objects = self._edged_objects(edges, edit.added)
-            elif any(edit.added.values()):
-                objects = splats_of_objects(self.gaussians, self.shares, self._palettes, edit.added)
-            self._baked = key, bake_edit(self.gaussians, objects, self._palettes, edit)
+            self._baked = key, bake_edit(self.gaussians, self.objects_of(edit), self._palettes, edit)
         return self._baked[1]
+
+    def objects_of(self, edit: Edit) -> tuple[ObjectSplats, ...]:
+        """Return the Gaussians of each object with the weights of an edit's added colors, within its edges."""
+        edges = active_edges(edit.edges)
+        if edges:
+            return self._edged_objects(edges, edit.added)
+        if any(edit.added.values()):
+            return splats_of_objects(self.gaussians, self.shares, self._palettes, edit.added)
+        return self.objects
 
     def render_background(self, pinhole: Camera) -> np.ndarray:
         """Render the Gaussians of the background alone, [H, W, 3] float32 sRGB."""

@@ -18,6 +18,7 @@ from tools.release.packing import packed_files, write_zip
 
 ROOT = Path(__file__).resolve().parents[2]
 LIST = "index.json"
+VIEWER = "karf_engine/export/page/web/dist/page.js"
 NOT_LISTED = ("build", "wheels")  # parts of a manifest
 
 
@@ -44,7 +45,10 @@ def build(root: Path, out: Path) -> int:
     manifest = read_manifest(root)
     out.mkdir(parents=True, exist_ok=True)
     package = out / f"{manifest['id']}-{manifest['version']}.zip"
-    write_zip(package, root, packed_files(root, manifest["build"]["paths_exclude_pattern"]))
+    packed = packed_files(root, manifest["build"]["paths_exclude_pattern"])
+    write_zip(package, root, packed)
+    if VIEWER not in packed:
+        print(f"{package.name} exports no web pages: their viewer is not built. Build it by: python3 tools/dev.py page")
     listed = write_repository(out / "repository", package, manifest)
     checksums = [f"{sha256(file)}  {file.relative_to(out).as_posix()}\n" for file in sorted([package, *listed])]
     (out / "SHA256SUMS").write_text("".join(checksums), encoding="utf-8", newline="\n")

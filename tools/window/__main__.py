@@ -17,6 +17,7 @@ from pathlib import Path
 import imageio.v3 as imageio
 
 from . import record
+from .browser import open_browser
 from .screen import System, pixels_of, run_blender, virtual_screen
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,6 +46,8 @@ def main() -> int:
     steps = record.read(out / "record.json")
     findings = [*([ending] if ending else []), *found_in_logs(out, log)]
     findings += [f"still running: {each}" for each in record.engine_processes(out / "desk")]
+    page = out / "desk" / "page" / "index.html"
+    findings += open_page(page, out / "shots") if page.is_file() else []
     page = record.transcript(f"The window story, {time.monotonic() - begin:.0f} s", steps, findings)
     (out / "transcript.md").write_text(page, encoding="utf-8")
     print(page)
@@ -74,6 +77,16 @@ def lay_out(out: Path, is_new: bool) -> None:
         package = max((ROOT / "dist").glob("karf-*.zip"), key=lambda file: file.stat().st_mtime)
         shutil.copy(package, out / "karf.zip")
         shutil.copytree(ROOT / "demo", out / "desk" / "pots", ignore=NOT_PHOTOS)
+
+
+def open_page(page: Path, shots: Path) -> list[str]:
+    """Open the exported page in Chromium, choose its last look, and return what went wrong."""
+    with open_browser("chromium", shots) as browser:
+        browser.open(page.as_uri(), 1280, 800)
+        browser.run("document.querySelector('#looks label:last-child input').click()")
+        browser.run("karf.viewer.settled()")
+        browser.shoot(shots / "page.png")
+        return browser.tell("remarks")
 
 
 def found_in_logs(out: Path, log: Path) -> list[str]:

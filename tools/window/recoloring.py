@@ -191,6 +191,21 @@ def new_camera(scene: bpy.types.Scene) -> bpy.types.Object:
     return camera
 
 
+@CHAPTER.step("mouse: Learn Splats; script: Export Page, its values; keys: Return in its dialog")
+def export_page(story: Story) -> Wait:
+    """The scene with its looks becomes a web page of one file, which a browser then opens."""
+    if "splats" not in desk.stages():
+        yield from acts.press_job(r"karf\.learn_splats")
+    page = story.desk / "page"
+    with hands.inside(VIEW):
+        bpy.ops.karf.export_page("INVOKE_DEFAULT", directory=str(page), title="Pots", single=True)
+    yield 0.5
+    yield from story.shoot("dialog")
+    yield from acts.begin_job(hands.press("RET", hands.middle_of(VIEW)))
+    yield from acts.end_job()
+    story.note(f"{(page / 'index.html').stat().st_size / 1e6:.1f} MB")
+
+
 @CHAPTER.step("script: the extension is switched off and on; mouse: a swatch is dragged")
 def disable_and_enable(story: Story) -> Wait:
     """A disabled extension leaves no handler, timer, drawing callback, class or property; enabled again, it works."""

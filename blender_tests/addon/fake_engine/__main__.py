@@ -219,6 +219,11 @@ def export_splat(project, options):
     Path(options["out"]).write_text(json.dumps(options))
 
 
+def export_page(project, options):
+    """Writes the options in place of a page."""
+    write_json(Path(options["out"]) / "index.html", options)
+
+
 def splats(project, options):
     project.splats_file.touch()
     project.finish("splats", "fake", gaussians=3)
@@ -346,7 +351,7 @@ def write_png(path, picture):
 
 STAGES = {"poses": poses, "geometry": geometry, "segmentation": segmentation, "palette": palette, "splats": splats}
 STAGES |= {"recoloring": recoloring, "render": render, "points": points, "colorways": colorways}
-STAGES |= {"import-splat": import_splat, "export-splat": export_splat}
+STAGES |= {"import-splat": import_splat, "export-splat": export_splat, "export-page": export_page}
 QUERIES = {
     each.__name__: each for each in (echo, preview, propose, photo, correct, masks, show, harmonics, inspect, chart)
 }

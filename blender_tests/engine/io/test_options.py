@@ -36,6 +36,7 @@ REQUIRED = {  # each command's library function and its required options
     "colorways": ("colorways", PROJECT | OUT | {"sheet": "sheet.csv"}),
     "points": ("write_points", PROJECT | OUT),
     "export-splat": ("export_splat", PROJECT | OUT),
+    "export-page": ("export_page", PROJECT | OUT),
     "farm": ("learning_bundle", OUT | {"source": "project"}),
 }
 

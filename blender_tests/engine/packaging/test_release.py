@@ -22,7 +22,8 @@ PACKAGE = f"karf-{engine_version(ROOT)}.zip"
 def copied(folder):
     """A copy of the packed files and the build tools, with other times and permissions."""
     for name in FOLDERS:
-        shutil.copytree(ROOT / name, folder / name, copy_function=shutil.copyfile)
+        ignored = shutil.ignore_patterns("node_modules", "dist")
+        shutil.copytree(ROOT / name, folder / name, copy_function=shutil.copyfile, ignore=ignored)
     for name in FILES:
         shutil.copyfile(ROOT / name, folder / name)
     (folder / "karf_engine" / "version.py").chmod(0o700)
@@ -48,6 +49,20 @@ def test_build_without_blender_reports_missing_validation(built):
     checkout, output = built
     assert f"{PACKAGE} was not validated" in output
     assert not (checkout / ".venv").exists()
+
+
+def test_package_has_the_viewer_of_pages_alone_once_it_is_built(built, tmp_path):
+    web = "karf_engine/export/page/web"
+    assert "exports no web pages" in built[1] and "python3 tools/dev.py page" in built[1]
+    checkout = copied(tmp_path / "checkout")
+    for name in ("dist/index.html", "dist/page.js", "dist/licenses.txt", "src/a.js", "package.json", ".npmrc",
+                 "node_modules/three/a.js"):  # fmt: skip
+        (checkout / web / name).parent.mkdir(parents=True, exist_ok=True)
+        (checkout / web / name).write_text("")
+    assert "web pages" not in build(checkout, PATH="").stdout
+    names = zipfile.ZipFile(checkout / "dist" / PACKAGE).namelist()
+    found = {name.removeprefix(f"{web}/") for name in names if name.startswith(web)}
+    assert found == {"dist/index.html", "dist/page.js", "dist/licenses.txt"}
 
 
 def test_package_entries_do_not_depend_on_the_computer(built):

@@ -19,7 +19,7 @@ def test_wheel_has_exactly_the_engine(wheel):
     modules = {path.relative_to(ROOT).as_posix() for path in (ROOT / "karf_engine").rglob("*.py")}
     assert {name for name in names if name.endswith(".py")} == modules
     assert {name.partition("/")[0] for name in names} == {"karf_engine", f"karf-{__version__}.dist-info"}
-    assert {"karf_engine/py.typed", "karf_engine/api.pyi"} <= names
+    assert {"karf_engine/py.typed", "karf_engine/api.pyi", "karf_engine/export/page/web/dist/page.js"} <= names
     assert f"karf-{__version__}.dist-info/licenses/LICENSE" in names
 
 
