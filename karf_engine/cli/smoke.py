@@ -69,9 +69,10 @@ def stages(device: str | None = None, threads: int | None = None) -> Iterator[Fi
 def _runs(folder: Path, run: dict[str, Any]) -> Iterator[tuple[str, Callable[[], None]]]:
     """Yield each stage's name and a call of its library function."""
     from .. import api
-    from ..compute.kernels import has_kernels
+    from ..compute.runtime import find_device
     from ..palettes.project_edit import edit_of
     from ..project import Project
+    from ..splats.rasterizer import backend
 
     capture, masks, project, edit = (folder / name for name in ("capture", "masks", "project", "edit.json"))
 
@@ -87,7 +88,7 @@ def _runs(folder: Path, run: dict[str, Any]) -> Iterator[tuple[str, Callable[[],
     yield "segmentation", lambda: api.segment(project, masks, **run)
     yield "palette", lambda: api.extract_palettes(project, **run)
     yield "recoloring", lambda: api.learn_recoloring(project, **run)
-    if has_kernels():
+    if backend(find_device(run["device"])):
         yield "splats", lambda: api.learn_splats(project, **run)
     yield "render", render
 

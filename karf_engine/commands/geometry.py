@@ -274,7 +274,7 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
     if kind != "opaque" or job.settings.geometry.space == "box":
         return None
     if capture.splats is not None and has_kernels():
-        from ..splats.visibility import sample_surface_points  # needs numba
+        from ..splats.visibility import sample_surface_points
 
         cameras = [training_image.camera for training_image in training_images]
         gaussians = read_captured_gaussians(capture.splats, cameras, job.emit)

@@ -111,7 +111,7 @@ def _write_views(
     should_stop: Callable[[], bool],
 ) -> list[View]:
     """Choose cameras and write their renderings into the folder; return the views."""
-    from ..splats.rasterizer import rasterize  # needs numba
+    from ..splats.rasterizer import rasterize
 
     everything = imported_gaussians(table, is_antialiased, ())
     cameras = _cameras(options, everything, emit, Progress(emit, should_stop, "import_splat", 1))

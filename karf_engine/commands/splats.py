@@ -9,7 +9,6 @@ import numpy as np
 
 from ..capture.capture import Capture, CapturedSplats, View
 from ..compute.cores import limit_torch_threads
-from ..compute.kernels import has_kernels
 from ..compute.progress import Emit
 from ..fields.files import load_scene
 from ..fields.scene_surface import NoSurface
@@ -18,6 +17,7 @@ from ..project.settings import to_dict
 from ..splats.files import save_gaussians
 from ..splats.formats.registry import read_captured_gaussians
 from ..splats.gaussians import Gaussians
+from ..splats.rasterizer import backend
 from ..splats.start import initial_gaussians, pseudo_cameras, render_pseudo_photos, surface_views
 from .job import Job, open_job, run_stage
 from .options import SplatsOptions
@@ -28,7 +28,7 @@ VALIDATION_VIEWS = 32
 def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Learn Gaussians of a finished scene, or take the capture's.
 
-    Does nothing with 0 iterations, and only warns where numba is missing or the scene has no surface.
+    Does nothing with 0 iterations, and only warns where nothing can rasterize or the scene has no surface.
     """
     job = open_job(options, emit, should_stop).with_overrides("splats", options.overrides)
     job.project.require("geometry")
@@ -39,7 +39,7 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
     if job.settings.splats.iterations == 0:
         emit("stage", name="splats", text="none are asked for")
         return
-    if not has_kernels():
+    if backend(job.runtime.device) is None:
         emit(
             "warning",
             code="splats",
@@ -65,7 +65,7 @@ def _take(job: Job, capture: Capture, splats: CapturedSplats) -> None:
 
 def _learn(job: Job) -> None:
     from ..splats.fit import SplatFit, load_photos
-    from ..splats.visibility import visibility_in_photos  # needs numba
+    from ..splats.visibility import visibility_in_photos
 
     settings = job.settings.splats
     with run_stage(job, "splats") as run:
@@ -82,14 +82,16 @@ def _learn(job: Job) -> None:
         start = initial_gaussians(scene, views, settings.count, settings.degree, progress.step)
         between = render_pseudo_photos(scene, cameras, progress.step)
         limit_torch_threads()
-        fit = SplatFit(start, photos, settings.iterations, seed, pseudo_photos=between)
+        device = job.runtime.device
+        job.emit("stage", name="splats", text=f"rasterized by {backend(device)}")
+        fit = SplatFit(start, photos, settings.iterations, seed, between, device)
         run.checkpoint.attach(fit, progress)
         fit.run(progress, run.checkpoint)
         run.summary["gaussians"] = len(start)
         judged = test[:: max(1, len(test) // VALIDATION_VIEWS)]
         if judged:
             run.summary["held_out"] = _held_out(job, (start, fit.gaussians), judged, capture, fit.gains)
-        visibility = visibility_in_photos(fit.gaussians, [photo.camera for photo in photos], progress.step)
+        visibility = visibility_in_photos(fit.gaussians, [photo.camera for photo in photos], progress.step, device)
         save_gaussians(replace(fit.gaussians, visibility=visibility), run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)
 
@@ -101,16 +103,16 @@ def _held_out(
 
     gains: [n, 3], of the training photos; those of a held-out photo lie between its neighbors' by name.
     """
-    from ..splats.fit import interpolate_gains, load_photos, psnr  # needs numba
+    from ..splats.fit import interpolate_gains, load_photos, psnr
 
     place = {name: number for number, name in enumerate(sorted(view.name for view in capture.views))}
     learned = [place[view.name] for view in capture.split("train")]
     gains = gains[np.argsort(learned)]
     own = [interpolate_gains(gains, sorted(learned), place[view.name]) for view in views]
-    photos, scores = load_photos(views, job.settings.splats.long_side), []
+    photos, scores, device = load_photos(views, job.settings.splats.long_side), [], job.runtime.device
     for gaussians in models:
-        alike = [psnr(gaussians, [photo]) for photo in photos]
-        exposed = [psnr(gaussians, [photo], gain) for photo, gain in zip(photos, own, strict=True)]
+        alike = [psnr(gaussians, [photo], device=device) for photo in photos]
+        exposed = [psnr(gaussians, [photo], gain, device) for photo, gain in zip(photos, own, strict=True)]
         mean, worst, *others = (round(float(of(values)), 2) for values in (alike, exposed) for of in (np.mean, np.min))
         text = (
             f"held-out views {mean} dB, the worst {worst} dB; exposed as their neighbors {others[0]} and {others[1]} dB"

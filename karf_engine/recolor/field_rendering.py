@@ -13,7 +13,6 @@ from ..capture.capture import UNIT_GAINS, Capture
 from ..capture.distortion import undistort_points
 from ..capture.training_images import TrainingImage
 from ..compute.cores import limit_torch_threads
-from ..compute.kernels import has_kernels
 from ..errors import BadRequest
 from ..fields.files import load_scene
 from ..fields.rendering.surface_cache import SurfaceCache
@@ -32,6 +31,7 @@ from ..project.settings import Settings
 from ..segmentation.surface_points import SurfaceUncertainty
 from ..splats.files import load_gaussians
 from ..splats.gaussians import Gaussians
+from ..splats.rasterizer import backend
 from .frames import Frame, downsample, split_bands, stack_bands
 from .full_resolution import dense_weights
 from .splatted_scene import SplattedScene
@@ -67,7 +67,7 @@ class Learned:
                 path, bounds = project.verified(project.recoloring_file), self.segmentation.bounds
                 assert isinstance(bounds, torch.Tensor)
                 self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, device)
-        if project.finished("splats") and self.settings.render.source == "splats" and has_kernels():
+        if project.finished("splats") and self.settings.render.source == "splats" and backend(device):
             gaussians = load_gaussians(project.verified(project.splats_file))
             learned = self.scene, self.segmentation, self.palettes
             fades = self.settings.render.unseen == "faded"

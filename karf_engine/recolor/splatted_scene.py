@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -25,11 +25,11 @@ from ..palettes.palette import AddedColor, Edit, Palette
 from ..palettes.palette_weights import star_weights
 from ..splats.gaussians import Gaussians
 from ..splats.kernels.arrays import C0, COLOR
+from ..splats.rasterizer import rasterize
+from ..splats.view import RasterizedView
+from ..splats.visibility import confidence_from
 from .borders import measure_borders
 from .frames import Frame
-
-if TYPE_CHECKING:
-    from ..splats.rasterizer import RasterizedView  # needs numba
 
 WEIGHT = "karf_weight_"  # prefix of columns in files, before the number of the palette's color
 STEP = 0.01  # of the central differences of the weights, sRGB
@@ -111,7 +111,7 @@ class SplattedScene:
         """Render a pinhole, with edges of these objects moved; without palette weights before palettes are learned."""
         fades = self.fade_unseen if fades is None else fades
         visibility = self._visibility(camera)
-        view = rasterize(self.gaussians, camera, visibility if fades else None)
+        view = self._rasterize(self.gaussians, camera, visibility if fades else None)
         is_solid = np.arange(len(self.gaussians)) < self.gaussians.n_foreground
         opacity, depth, seen = view.blended(np.stack([is_solid, np.where(is_solid, view.depths, 0), visibility], 1))
         depth = np.divide(depth, opacity, out=np.zeros_like(depth), where=opacity > 0)
@@ -129,14 +129,15 @@ class SplattedScene:
     def render_recolored(self, camera: Camera, edit: Edit, fades: bool | None = None) -> np.ndarray:
         """Render a pinhole with an additive edit, [H, W, 3] float32 sRGB in [0, 1]."""
         fades = self.fade_unseen if fades is None else fades
-        return rasterize(self.recolored(edit), camera, self._visibility(camera) if fades else None).picture()
+        return self._rasterize(self.recolored(edit), camera, self._visibility(camera) if fades else None).picture()
+
+    def _rasterize(self, gaussians: Gaussians, camera: Camera, sure: np.ndarray | None = None) -> RasterizedView:
+        return rasterize(gaussians, camera, sure, self._scene.field.bounds.device)
 
     def _visibility(self, camera: Camera) -> np.ndarray:
         """Return how well photos cover each Gaussian's color from this position, [n] float32 in [0, 1]; 1 if unknown."""
         if self.gaussians.visibility is None:
             return np.ones(len(self.gaussians), np.float32)
-        from ..splats.visibility import confidence_from  # needs numba
-
         return confidence_from(self.gaussians, camera.position)
 
     def recolored(self, edit: Edit) -> Gaussians:
@@ -159,14 +160,7 @@ class SplattedScene:
     def render_background(self, pinhole: Camera) -> np.ndarray:
         """Render the Gaussians of the background alone, [H, W, 3] float32 sRGB."""
         shell = replace(self.gaussians, table=self.gaussians.table[self.gaussians.n_foreground :], visibility=None)
-        return rasterize(shell, pinhole).picture()
-
-
-def rasterize(gaussians: Gaussians, camera: Camera, sure: np.ndarray | None = None) -> RasterizedView:
-    """Rasterize Gaussians for a pinhole. sure: see `RasterizedView`."""
-    from ..splats.rasterizer import rasterize as rasterized  # needs numba
-
-    return rasterized(gaussians, camera, sure)
+        return self._rasterize(shell, pinhole).picture()
 
 
 def _within(reachable: ObjectSplats, shares: np.ndarray) -> ObjectSplats:

@@ -12,7 +12,6 @@ from torch import Tensor
 from ..capture.camera import Camera
 from ..capture.capture import View
 from ..capture.training_images import TrainingImage, load_views
-from ..compute.cores import parallel_for
 from ..compute.progress import Progress
 from ..errors import Diverged
 from ..fields.fit import Checkpoint, end_iteration
@@ -20,9 +19,8 @@ from ..fields.training import check_same_layout, read_integer, scalar_tensor
 from ..io.color import to_bytes
 from ..io.images import resize
 from .gaussians import Gaussians
-from .kernels.adam import adam
 from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
-from .rasterizer import RasterizedView, pinhole, rasterize
+from .rasterizer import Device, pinhole, rasterize, trained_table
 
 WINDOW = 400  # side of the windows of larger photos, pixels
 HALVED = 0.6  # fraction of the iterations, at the start, with photos at half size
@@ -117,6 +115,7 @@ class SplatFit:
         iterations: int,
         seed: int,
         pseudo_photos: Sequence[Photo] = (),
+        device: Device = "cpu",
     ) -> None:
         """Start with initial Gaussians, which are not modified.
 
@@ -127,19 +126,16 @@ class SplatFit:
         self._exposures = Exposures(len(photos))
         self._halves = [photo.halved() for photo in photos]
         self._between = pseudo_photos, [picture.halved() for picture in pseudo_photos]
-        self._table = gaussians.table.copy()
-        self._gradients, self._means, self._squares = (np.zeros_like(self._table) for _ in range(3))
-        self._steps = np.zeros(len(gaussians), np.int32)
-        self._sizes = np.exp(self._table[:, LOG_SCALE : LOG_SCALE + 3].max(1))
-        self._least = np.log(LEAST_PIXELS * _pixel_sizes(gaussians, photos)).astype(np.float32)
-        self._rates = np.empty(self._table.shape[1], np.float32)
+        least = np.log(LEAST_PIXELS * _pixel_sizes(gaussians, photos)).astype(np.float32)
+        self._table = trained_table(gaussians, least, device)
+        self._rates = np.empty(gaussians.table.shape[1], np.float32)
         for first, rate in RATES.items():
             self._rates[first:] = rate
 
     @property
     def gaussians(self) -> Gaussians:
         """Copy of the current Gaussians."""
-        return replace(self._start, table=self._table.copy())
+        return replace(self._start, table=self._table.tensors()["table"].cpu().numpy().copy())
 
     @property
     def gains(self) -> np.ndarray:
@@ -150,9 +146,8 @@ class SplatFit:
         """Run the remaining iterations. Raises Diverged if the error is not finite, and Cancelled."""
         while self.done < self.iterations:
             error = self._step()
-            with np.errstate(all="ignore"):
-                is_finite = np.isfinite(self._table.sum())  # Gaussians that are not finite are not seen in the picture
-            if not (np.isfinite(error) and is_finite):
+            # Gaussians that are not finite are not seen in the picture
+            if not (np.isfinite(error) and self._table.is_finite()):
                 raise Diverged(
                     "Training diverged at iteration {iteration}: loss {loss}.",
                     "Lower the learning rate.",
@@ -169,21 +164,14 @@ class SplatFit:
         # a random background behind a matte requires opacity where the photo is solid
         background = self._start.background if photo.alpha is None else tuple(random.random(3))
         camera = pinhole(photo.camera, self._start.near, self._start.screen_filter)
-        view = RasterizedView(self._table, camera, background)
+        view = self._table.view(camera, background)
         shown, target = view.image[..., :3], photo.over(background)
         gains = 1 if number is None else self._gains(number, photo, shown, target)
         difference = gains * shown - target
         if photo.valid is not None:
             difference *= photo.valid[..., None]
-        view.backward(gains * difference * np.float32(2 / difference.size), self._gradients)
-        behind = self._gradients[self._start.n_foreground :]  # of the background only the constant color is trained
-        behind[:, :COLOR] = 0
-        behind[:, COLOR + 3 :] = 0
         rates = self._rates * np.float32(LAST_RATE ** (self.done / self.iterations))
-        parallel_for(
-            adam, len(self._table), self._table, self._gradients, self._means, self._squares, self._steps,
-            view.offsets, rates, self._sizes, self._least,
-        )  # fmt: skip
+        self._table.update(view, gains * difference * np.float32(2 / difference.size), rates)
         return float(np.square(difference).mean())
 
     def _gains(self, number: int, photo: Photo, shown: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -224,22 +212,20 @@ class SplatFit:
             photo = photo.window(left, top)
         return photo, None if self._is_between else number
 
-    def _learned(self) -> dict[str, np.ndarray]:
-        learned = {"table": self._table, "means": self._means, "squares": self._squares, "steps": self._steps}
-        return learned | {"gains": self._exposures.gains, "gains_seen": self._exposures.measured}
+    def _learned(self) -> dict[str, Tensor]:
+        gains = {"gains": self._exposures.gains, "gains_seen": self._exposures.measured}
+        return self._table.tensors() | {name: torch.from_numpy(each) for name, each in gains.items()}
 
     def state(self) -> dict[str, Tensor]:
         """Return the tensors to resume from."""
-        return {name: torch.from_numpy(each) for name, each in self._learned().items()} | {
-            "done": scalar_tensor(self.done)
-        }
+        return self._learned() | {"done": scalar_tensor(self.done)}
 
     def resume(self, state: dict[str, Tensor]) -> None:
         """Resume this new fit, to the bit. Raises DataError, with nothing changed, for a state of another fit."""
         check_same_layout(state, self.state())
         self.done = read_integer(state, "done", self.iterations)
         for name, each in self._learned().items():
-            each[:] = state[name].numpy()
+            each.copy_(state[name])
 
 
 def load_photos(views: Sequence[View], long_side: int) -> list[Photo]:
@@ -265,12 +251,14 @@ def interpolate_gains(gains: np.ndarray, places: Sequence[int], place: int) -> n
     return np.array([np.interp(place, places, channel) for channel in gains.T], np.float32)
 
 
-def psnr(gaussians: Gaussians, photos: Sequence[Photo], gains: np.ndarray | float = 1.0) -> float:
+def psnr(
+    gaussians: Gaussians, photos: Sequence[Photo], gains: np.ndarray | float = 1.0, device: Device = "cpu"
+) -> float:
     """Return the PSNR in dB, at most 100, of the mean squared error over photos. gains: their exposure, [3] sRGB."""
-    return -10 * float(np.log10(np.mean([_squared_error(gaussians, photo, gains) for photo in photos]) + 1e-10))
+    return -10 * float(np.log10(np.mean([_squared_error(gaussians, photo, gains, device) for photo in photos]) + 1e-10))
 
 
-def _squared_error(gaussians: Gaussians, photo: Photo, gains: np.ndarray | float) -> float:
-    shown = (np.float32(gains) * rasterize(gaussians, photo.camera).image[..., :3]).clip(0, 1)
+def _squared_error(gaussians: Gaussians, photo: Photo, gains: np.ndarray | float, device: Device) -> float:
+    shown = (np.float32(gains) * rasterize(gaussians, photo.camera, None, device).image[..., :3]).clip(0, 1)
     squares = np.square(shown - photo.over(gaussians.background))
     return float((squares if photo.valid is None else squares[photo.valid]).mean())

@@ -124,7 +124,7 @@ def render_pseudo_photos(
     scene: Scene, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None
 ) -> list[Photo]:
     """Render the field from pinholes, at most SIDE pixels large. step: called after each; may raise Cancelled."""
-    from .fit import Photo  # needs numba
+    from .fit import Photo
 
     pictures = []
     for camera in cameras:

@@ -12,7 +12,8 @@ import numpy as np
 from ..capture.camera import Camera
 from ..capture.capture import SparsePoints
 from .gaussians import Gaussians
-from .rasterizer import RasterizedView, rasterize
+from .rasterizer import Device, rasterize
+from .view import RasterizedView
 
 LONG_SIDE = 400  # pixels of the depth maps
 POINTS = 20_000
@@ -94,12 +95,13 @@ def _observations(
 
 
 def visibility_in_photos(
-    gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None
+    gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None, device: Device = "cpu"
 ) -> np.ndarray:
     """Compute `Gaussians.visibility` for the photos' cameras. step: called after each; may raise Cancelled."""
     centers, shown = gaussians.table[:, :3], []
     for camera in cameras:
-        shown.append(rasterize(gaussians, camera.without_distortion().reduced(SIDE)).weights() >= VISIBLE)
+        small = camera.without_distortion().reduced(SIDE)
+        shown.append(rasterize(gaussians, small, None, device).weights() >= VISIBLE)
         step()
     eyes = [camera.position for camera in cameras]
     middle = sum(is_shown[:, None] * _directions(centers, eye) for is_shown, eye in zip(shown, eyes, strict=True))

@@ -16,10 +16,11 @@ from karf_engine.errors import Cancelled, DataError, Diverged
 from karf_engine.fields.fit import Checkpoint
 from karf_engine.io.color import to_bytes
 from karf_engine.splats import fit as fit_module
+from karf_engine.splats.compiled import CompiledTable
 from karf_engine.splats.fit import Exposures, Photo, SplatFit, interpolate_gains
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import CENTER, COLOR, LOG_SCALE
-from karf_engine.splats.rasterizer import RasterizedView, pinhole, rasterize
+from karf_engine.splats.rasterizer import rasterize
 
 TRUTH = Gaussians(cloud(40, 1, seed=7), 0, BACKGROUND, NEAR)
 
@@ -36,7 +37,7 @@ def photo_of(camera):
 
 def cut_out_of(camera):
     """The same view with alpha instead of the background."""
-    image = RasterizedView(TRUTH.table, pinhole(camera, NEAR), (0, 0, 0)).image
+    image = rasterize(replace(TRUTH, background=(0, 0, 0)), camera).image
     alpha = 1 - image[..., 3]
     straight = np.divide(
         image[..., :3], alpha[..., None], out=np.zeros_like(image[..., :3]), where=alpha[..., None] > 0
@@ -168,8 +169,8 @@ def test_gaussians_do_not_shrink_below_photo_resolution():
 
 
 def test_cutouts_are_fitted_on_random_backgrounds(monkeypatch):
-    seen, view_of = [], fit_module.RasterizedView
-    monkeypatch.setattr(fit_module, "RasterizedView", lambda *given: seen.append(given[2]) or view_of(*given))
+    seen, view_of = [], CompiledTable.view
+    monkeypatch.setattr(CompiledTable, "view", lambda *given: seen.append(given[2]) or view_of(*given))
     fitted(CUT_OUTS[:1], 4)
     assert len(set(seen)) == 4
     fitted(PHOTOS[:1], 2)

@@ -13,14 +13,15 @@ from blender_tests.engine.splats.clouds import BACKGROUND, GROUPS, NEAR, ball, c
 from blender_tests.engine.splats.torch_splats import splat
 from karf_engine.compute import cores
 from karf_engine.errors import OutOfMemory
+from karf_engine.splats.compiled import CompiledView
 from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, BORDER, LOGIT, PIXEL_FILTER, PLAIN_FILTER, ROTATION
-from karf_engine.splats.rasterizer import RasterizedView, pinhole
+from karf_engine.splats.rasterizer import pinhole
 
 CAMERA = pinhole(camera_ahead(), NEAR)
 
 
 def shown(*rows, camera=CAMERA):
-    return RasterizedView(np.stack(rows), camera, BACKGROUND)
+    return CompiledView(np.stack(rows), camera, BACKGROUND)
 
 
 FILTERS = {"own": PIXEL_FILTER, "plain": PLAIN_FILTER, "antialiased": ANTIALIASED_FILTER}
@@ -58,7 +59,7 @@ def test_invisible_gaussians_have_no_gradient():
     "rows", [[], *([ball(place, 0.02)] for place in ((0, 0, 4.5), (0, 0, 3.9), (30, 0, 0), (0, -30, 0)))]
 )
 def test_gaussians_behind_too_near_or_outside_are_invisible(rows):
-    view = RasterizedView(np.array(rows) if rows else cloud(0), CAMERA, BACKGROUND)
+    view = CompiledView(np.array(rows) if rows else cloud(0), CAMERA, BACKGROUND)
     assert view.offsets[-1] == 0
     assert_array_equal(view.image, np.broadcast_to(np.float32([*BACKGROUND, 1]), (36, 40, 4)))
 
@@ -94,7 +95,7 @@ def test_too_many_tiles_are_rejected():
     camera = camera_ahead().scaled(4096, 4096)
     wide = np.repeat(ball((0, 0, 0), 50.0, 0.9, (1, 1, 1))[None], 40_000, 0)
     with pytest.raises(OutOfMemory, match="40000 Gaussians cover too much of a picture of 4096x4096 pixels"):
-        RasterizedView(wide, pinhole(camera, NEAR), BACKGROUND)
+        CompiledView(wide, pinhole(camera, NEAR), BACKGROUND)
 
 
 def test_blended_values_match_the_picture():
@@ -121,10 +122,10 @@ def test_subpixel_gaussian_covers_its_true_area(size):
 def test_rendered_windows_match_the_whole_picture():
     table, camera = cloud(), camera_ahead()
     table[:, GROUPS["scales"]] -= 0.5  # none reaches farther than the border
-    whole = RasterizedView(table, pinhole(camera, NEAR), BACKGROUND).image
+    whole = CompiledView(table, pinhole(camera, NEAR), BACKGROUND).image
     for left, top, right, bottom in ((0, 0, 40, 9), (0, 27, 40, 36), (23, 11, 39, 27)):
         part = replace(camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top)
-        image = RasterizedView(table, pinhole(part, NEAR), BACKGROUND).image
+        image = CompiledView(table, pinhole(part, NEAR), BACKGROUND).image
         assert_allclose(image, whole[top:bottom, left:right], atol=2e-4)
 
 
@@ -136,7 +137,7 @@ def test_core_count_changes_no_bit():
         for count in (1, 2, 3):
             cores.set_core_count(count)
             cores.limit_torch_threads()
-            view, gradients = RasterizedView(table, camera, BACKGROUND), np.zeros_like(table)
+            view, gradients = CompiledView(table, camera, BACKGROUND), np.zeros_like(table)
             view.backward(weights, gradients)
             found.append((view.image, gradients, view.blended(table[:, :3])))
     finally:

@@ -13,7 +13,8 @@ from blender_tests.engine.splats.clouds import BACKGROUND, GROUPS, NEAR, ball, c
 from karf_engine.errors import Cancelled, DataError
 from karf_engine.splats.gaussians import Gaussians, imported_gaussians
 from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, LOG_SCALE, LOGIT, PLAIN_FILTER, ROTATION
-from karf_engine.splats.rasterizer import UNKNOWN_COLOR, rasterize
+from karf_engine.splats.rasterizer import rasterize
+from karf_engine.splats.view import UNKNOWN_COLOR
 from karf_engine.splats.viewpoints import Target, cameras_around, estimate_target
 from karf_engine.splats.visibility import AT_INFINITY, confidence_from, sample_surface_points, visibility_in_photos
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...capture.camera import Camera
-from ...recolor.splatted_scene import rasterize
 from ...splats.gaussians import Gaussians
+from ...splats.rasterizer import rasterize
 
 SIDE = 256  # pixels of the pictures in which Gaussians are weighed
 NEGLIGIBLE = 0.5 / 255  # bound of how much all that are left out change the mean color of a photo, sRGB
