@@ -60,7 +60,8 @@ class GsplatView(RasterizedView):
         width, height = self._size
         pose = np.eye(4, dtype=np.float32)
         pose[:3, :3], pose[:3, 3] = camera.rotation.reshape(3, 3), camera.translation
-        lens = np.float32([[camera.fx, 0, camera.cx + margin], [0, camera.fy, camera.cy + margin], [0, 0, 1]])
+        rows = [[camera.fx, 0, camera.cx + margin], [0, camera.fy, camera.cy + margin], [0, 0, 1]]
+        lens = np.array(rows, np.float32)
         pose, lens = (torch.from_numpy(each)[None].to(table.device) for each in (pose, lens))
         radii, means, depths, self._conics, shares = fully_fused_projection(
             table[:, CENTER:LOG_SCALE].contiguous(), None, table[:, ROTATION:LOGIT].contiguous(),

@@ -6,6 +6,8 @@ Mip-Splatting (Yu et al. 2024). `compiled` runs numba's kernels on the processor
 
 from __future__ import annotations
 
+import sys
+from contextlib import redirect_stdout
 from functools import cache
 from importlib.util import find_spec
 
@@ -32,7 +34,8 @@ def backend(device: Device) -> str | None:
 def _has_gsplat_kernels() -> bool:
     """Load gsplat's kernels, which its source distribution compiles once, in minutes, by the CUDA toolkit."""
     try:
-        from gsplat.cuda import _backend  # pyright: ignore[reportMissingImports]
+        with redirect_stdout(sys.stderr):  # where it tells of compiling; stdout is for events
+            from gsplat.cuda import _backend  # pyright: ignore[reportMissingImports]
     except (ImportError, OSError, RuntimeError):  # no toolkit, another torch, or a compiler that fails
         return False
     return _backend._C is not None
