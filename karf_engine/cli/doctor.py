@@ -21,6 +21,7 @@ from ..io.failures import FREE_SPACE, OTHER_FOLDER, first_line, translate_error
 from ..worker.findings import (
     ERROR,
     FAST,
+    GSPLAT,
     OK,
     POSES,
     PYTHON,
@@ -166,6 +167,7 @@ def devices(chosen: str | None) -> Iterator[Finding]:
     import torch
 
     from ..compute.runtime import find_device
+    from ..splats.rasterizer import backend
 
     build = f"NVIDIA cards (CUDA {torch.version.cuda})" if torch.version.cuda else PROCESSOR
     if getattr(torch.version, "hip", None):
@@ -188,6 +190,20 @@ def devices(chosen: str | None) -> Iterator[Finding]:
         sentence = f"cuda:{number} is {facts.name} with {facts.total_memory / GB:.1f} GB of memory."
         yield Finding(f"cuda:{number}", OK, sentence)
     yield Finding("device", OK, f"Stages compute on {PROCESSOR if device.type == 'cpu' else device}.")
+    yield rasterizer(device.type, backend(device))
+
+
+def rasterizer(kind: str, backend: str | None) -> Finding:
+    """Judge what rasterizes splats for stages on this kind of device; see `splats.rasterizer.backend`."""
+    if backend is None:
+        sentence = "Splats can be neither learned nor rendered: other cameras are rendered from the voxels."
+        return Finding("rasterizer", WARNING, sentence, INSTALL, install_command(FAST))
+    if backend == "gsplat" or kind != "cuda":
+        where = "the card" if backend == "gsplat" else PROCESSOR
+        return Finding("rasterizer", OK, f"Splats are computed on {where}, by {backend}.")
+    sentence = f"Splats are computed on {PROCESSOR}, by {backend}: gsplat has no kernels for the card here."
+    remedy = "For splats on an NVIDIA card install gsplat, and a CUDA toolkit to compile its kernels:"
+    return Finding("rasterizer", OK, sentence, remedy, f'"{sys.executable}" -m pip install "{GSPLAT}"')
 
 
 def processors() -> Finding:

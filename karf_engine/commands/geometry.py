@@ -132,6 +132,13 @@ def _inputs(capture: Capture, nerf: Path | None) -> list:
 def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
     """Fit or resume the field, with previews, and estimate the photos' exposures."""
     settings = job.settings.geometry
+    if not has_kernels() and job.runtime.device.type == "cpu":
+        job.emit(
+            "warning",
+            code="numba",
+            sentence="Without the package numba the scene is learned by torch, in about twice the time and with other "
+            "rounding, and no splats are learned: other cameras are rendered from the voxels.",
+        )
     wait_until_ready = field_kind(settings.field).prepare(settings, job.runtime.device)
     capture, training_images = load_photos(job, capture)
     views = [image.view for image in training_images]

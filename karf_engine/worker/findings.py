@@ -108,6 +108,7 @@ REQUIRED = (
 )
 POSES = Package("pycolmap", Range("4.1", "5"))
 FAST = Package("numba", Range("0.62", "1"))
+GSPLAT = "gsplat==1.5.3"
 
 
 def _numbers(version: str) -> tuple[int, ...]:

@@ -21,7 +21,7 @@ from blender_tests.engine.conftest import ROOT
 from karf_engine.cli import doctor, main, smoke
 from karf_engine.project import STAGE_ORDER
 from karf_engine.project.settings import PRESETS, seconds_of_stages
-from karf_engine.worker.findings import ERROR, FAST, OK, POSES, REQUIRED, VERDICT, WARNING, Finding, Range
+from karf_engine.worker.findings import ERROR, FAST, GSPLAT, OK, POSES, REQUIRED, VERDICT, WARNING, Finding, Range
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PIP = f'"{sys.executable}" -m pip install'
@@ -67,10 +67,12 @@ def deny(*_, **where):
     raise PermissionError(13, "Permission denied", str(where.get("dir", "/tmp")))
 
 
+RASTERIZERS = [("cpu", "numba"), ("cuda", "numba"), ("cuda", "gsplat"), ("cpu", None), ("cuda", None)]
 CHECKS = {  # each is given a folder
     "torch": lambda _: doctor.check_package(PACKAGES["torch"]),
     "fast": lambda _: doctor.fast(),
     "python": lambda _: doctor.python(),
+    **{f"{kind}, {by}": lambda _, kind=kind, by=by: doctor.rasterizer(kind, by) for kind, by in RASTERIZERS},
     "memory": lambda _: doctor.memory(),
     "temporary": lambda _: doctor.temporary(),
     "disk": doctor.disk,
@@ -92,6 +94,10 @@ COMPUTERS = [  # patches of the doctor, the check, its status and exit code, and
     (NO_NUMPY, "torch", ERROR, 3, ["torch needs numpy, which is not installed."]),
     (with_version(None), "fast", OK, 0, ["is not installed", "as fast", f'{PIP} "numba>=']),
     (OLD_NUMBA, "fast", WARNING, 0, [NUMBA_ERROR, "--force-reinstall"]),
+    ({}, "cpu, numba", OK, 0, ["Splats are computed on the processor, by numba."]),
+    ({}, "cuda, numba", OK, 0, ["on the processor, by numba: gsplat has no kernels", f'{PIP} "gsplat==']),
+    ({}, "cuda, gsplat", OK, 0, ["Splats are computed on the card, by gsplat."]),
+    *(({}, f"{kind}, None", WARNING, 0, ["rendered from the voxels", f'{PIP} "numba>=']) for kind in ("cpu", "cuda")),
     (OTHER_PYTHON, "python", WARNING, 0, [sys.executable, "Use one of the tested versions"]),
     (with_disk(10**7), "disk", ERROR, 4, ["FOLDER"]),
     (with_disk(10**9), "disk", WARNING, 0, ["1.0 GB are free", "FOLDER"]),
@@ -134,7 +140,7 @@ def test_locks_that_do_not_hold_give_a_warning(monkeypatch, tmp_path):
 def test_cuda_build_without_cards_gives_a_warning(monkeypatch):
     monkeypatch.setattr("torch.version.cuda", "12.8")
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
-    build, device = doctor.devices(None)
+    build, device, _ = doctor.devices(None)
     assert build.status == WARNING and "CUDA 12.8" in build.sentence and "driver" in build.remedy
     assert device == Finding("device", OK, "Stages compute on the processor.")
 
@@ -220,6 +226,7 @@ def test_doctor_requires_the_declared_package_ranges():
     extras = PROJECT["optional-dependencies"]
     assert parsed(*(each.requirement for each in REQUIRED)) == parsed(*PROJECT["dependencies"])
     assert parsed(POSES.requirement) == parsed(*extras["photos"])
+    assert parsed(GSPLAT) == parsed(*extras["gpu"])
     assert parsed(FAST.requirement) == parsed(*extras["fast"])
 
 

@@ -8,7 +8,7 @@ pytest.importorskip("numba")
 
 import karf_engine as karf
 from blender_tests.engine.commands.conftest import Events
-from blender_tests.engine.conftest import finish_again
+from blender_tests.engine.conftest import QUICK, finish_again
 from karf_engine.commands import splats
 from karf_engine.commands.options import SplatsOptions
 from karf_engine.errors import BadRequest, Cancelled, DataError
@@ -90,6 +90,15 @@ def test_unlearnable_splats_give_a_warning_and_leave_the_field(bare, monkeypatch
     events = learn(bare, *FEW)
     assert events.values("warning", "code") == ["splats"] and reason in events.values("warning", "sentence")[0]
     assert bare.finished("splats") is None and karf.load(bare.folder, "cpu").splats is None
+
+
+@pytest.mark.parametrize(("kernels", "warnings"), [("off", ["numba"]), ("on", [])])
+def test_missing_numba_is_told_before_learning_begins(still_life, tmp_path, events, monkeypatch, kernels, warnings):
+    monkeypatch.setenv("KARF_KERNELS", kernels)
+    run = {"device": "cpu", "threads": 1, "emit": events, "should_stop": lambda: True}
+    with pytest.raises(Cancelled):
+        karf.learn_geometry(still_life.capture, project=tmp_path / "project", overrides=QUICK, **run)
+    assert events.values("warning", "code") == warnings
 
 
 def test_cancelled_stage_leaves_the_project_unchanged_and_resumes(bare):

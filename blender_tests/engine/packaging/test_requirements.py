@@ -13,7 +13,7 @@ from blender_tests.engine.conftest import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-ENGINE_EXTRAS = ("photos", "fast", "splats", "metrics", "farm", "test", "readers", "lint")
+ENGINE_EXTRAS = ("photos", "fast", "gpu", "splats", "metrics", "farm", "test", "readers", "lint")
 WANTED = {
     "engine": [*PROJECT["dependencies"], *(text for extra in ENGINE_EXTRAS for text in EXTRAS[extra])],
     "blender": [*EXTRAS["blender"], *EXTRAS["test"]],
@@ -47,7 +47,7 @@ def test_dependency_ranges_have_both_bounds():
 
 
 def test_learning_and_rendering_import_without_extras():
-    extras = ("skimage", "numba", "pycolmap", "openjd", "gsply", "pxr")
+    extras = ("skimage", "numba", "pycolmap", "openjd", "gsply", "gsplat", "pxr")
     code = f"import sys; sys.modules.update(dict.fromkeys({extras!r})); import karf_engine.commands.dispatch; "
     code += "from karf_engine.commands import geometry, palette, recoloring, render, segmentation, splats"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
