@@ -1,22 +1,33 @@
 """A training iteration never waits for the accelerator; a pretend device rejects what a real one would."""
 
 import contextlib
+from dataclasses import replace
+from unittest.mock import patch
 
 import pytest
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from blender_tests.engine.fields.fitting import learn_head, silent
+from blender_tests.engine.fields.fitting import learn_head, pixel_dataset, points_on_the_still_life, silent, views_of
 from blender_tests.engine.pretend_device import NAME, WrongDevice, pretend_device
-from blender_tests.engine.reference.still_life import camera_at
+from blender_tests.engine.reference.still_life import camera_at, cameras, take_photo
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields import training
+from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf.field import NerfSampling
 from karf_engine.fields.nerf.fit import NerfFit, tf32_matmul
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box
 from karf_engine.fields.voxels.field import VoxelField
-from karf_engine.project.settings import NerfSettings, RecoloringSettings, SegmentationSettings
+from karf_engine.fields.voxels.fit_open import start_voxel_fit
+from karf_engine.project.settings import (
+    GeometrySettings,
+    Level,
+    NerfSettings,
+    OpenSettings,
+    RecoloringSettings,
+    SegmentationSettings,
+)
 
 ITERATIONS = 4
 aten = torch.ops.aten
@@ -44,21 +55,22 @@ class Waits(TorchDispatchMode):
     def __torch_dispatch__(self, function, types, args=(), kwargs=None):
         kwargs = kwargs or {}
         by_mask = function in INDEXING and any(i is not None and i.dtype == torch.bool for i in args[1])
-        is_away = bool(args) and isinstance(args[0], torch.Tensor) and args[0].device.type != "cpu"
-        comes_back = is_away and str(kwargs.get("device")).startswith("cpu")
-        if function in WAITING or by_mask or comes_back:
+        at, to = args[0].device.type if args and isinstance(args[0], torch.Tensor) else None, kwargs.get("device")
+        is_carried = function is aten._to_copy.default and to is not None and torch.device(to).type != at
+        if function in WAITING or by_mask or is_carried:
             self.found.append(str(function))
         return function(*args, **kwargs)
 
 
 @pytest.fixture
-def waits(monkeypatch):
+def waits(monkeypatch, request):
     """The operations of each iteration that wait."""
     found, gradients, has_cuda = [], training._gradients, torch.cuda.is_available()
 
     def recorded(*arguments):
         if has_cuda:
-            torch.cuda.set_sync_debug_mode("error")  # CUDA itself raises where something waits
+            # CUDA itself raises where something waits
+            torch.cuda.set_sync_debug_mode("default" if "voxels" in request.node.name else "error")
         try:
             with Waits() as waits:
                 result = gradients(*arguments)
@@ -110,6 +122,25 @@ def test_training_a_nerf_never_waits(waits, runtime):
     settings = NerfSettings(iterations=ITERATIONS, depth=2, width=8, rays=32, crop_iterations=2, look_every=ITERATIONS)
     list(NerfFit(dataset, "alpha", Box(), sampling, settings, runtime).scenes(silent()))
     assert waits == [[]] * ITERATIONS
+
+
+# numbers of samples: in coarse blocks, in cells, in front of what is opaque, with a color; and the longest curved path
+SAMPLES, LENGTH = ["aten.nonzero.default"] * 4, ["aten._local_scalar_dense.default"]
+
+
+@pytest.mark.parametrize(("space", "expected"), [("box", SAMPLES), ("contraction", LENGTH + SAMPLES)])
+def test_training_voxels_waits_only_for_numbers_of_samples(waits, runtime, space, expected):
+    levels = (Level(16, ITERATIONS, 1.0), Level(20, 4 * ITERATIONS, 1.0))
+    few = {"levels": levels, "samples": 3000, "max_rays": 256, "prune_alpha": -1.0, "prune_visibility": -1.0}
+    settings = replace(GeometrySettings(), features=6, open=replace(OpenSettings(), **few), **few)
+    ring = cameras(6)
+    photos = [take_photo(camera, sky=True) for camera in ring]
+    points = points_on_the_still_life(ring, photos)
+    dataset = pixel_dataset(photos, "opaque", runtime.device)
+    with patch.dict("os.environ", KARF_KERNELS="off"):
+        fit = start_voxel_fit(FitInputs(dataset, "opaque", space, views_of(ring), points, settings, runtime))
+        list(fit.scenes(silent()))
+    assert waits == [expected] * 5 * ITERATIONS
 
 
 @pytest.mark.parametrize(("device", "precision"), [("cuda", "high"), ("cpu", "highest")])

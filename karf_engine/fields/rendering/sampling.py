@@ -11,6 +11,7 @@ implementation (bmild/nerf), so that its checkpoints render alike.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -88,8 +89,11 @@ def march(
     step = step_in_voxels * voxel
     polylines = Polylines(paths)
     stride = BLOCK * step
-    n_strides = int((polylines.lengths.amax() / stride).ceil()) if len(paths) else 0
-    if n_strides == 0:
+    if paths.shape[1] == 2:  # a bound instead of their lengths, which an accelerator would have to be waited for
+        n_strides = math.ceil(math.hypot(*shape) * voxel / stride) + 1
+    else:
+        n_strides = int((polylines.lengths.amax() / stride).ceil()) if len(paths) else 0
+    if n_strides == 0 or not len(paths):
         empty = paths.new_zeros(0, 3)
         return Samples(torch.zeros(0, dtype=torch.long, device=paths.device), empty[:, 0], empty, step)
 
@@ -107,7 +111,7 @@ def march(
     inside = occupied.view(-1)[cell_indices(points, minimum, voxel, shape)]
     inside &= distances < polylines.lengths[ray_indices, None]
     if paths.shape[1] > 2:  # curved paths are not clipped to the grid
-        maximum = minimum + voxel * torch.tensor(shape, device=minimum.device)
+        maximum = minimum + voxel * torch.stack([minimum.new_full((), size) for size in shape])
         inside &= ((points >= minimum) & (points < maximum)).all(-1)
     row, column = torch.nonzero(inside, as_tuple=True)
     return Samples(ray_indices[row], distances[row, column], points[row, column], step)

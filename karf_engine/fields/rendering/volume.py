@@ -70,12 +70,7 @@ def distortion(
 
 def _of_ray_start(values: Tensor, ray_indices: Tensor) -> Tensor:
     """Return the value [S] at the first sample of each sample's ray."""
-    if len(ray_indices) == 0:
-        return values
-    is_first = torch.ones_like(ray_indices, dtype=torch.bool)
-    is_first[1:] = ray_indices[1:] != ray_indices[:-1]
-    segment = torch.cumsum(is_first, 0) - 1
-    return values[torch.nonzero(is_first).squeeze(1)][segment]
+    return values[torch.searchsorted(ray_indices, ray_indices)]
 
 
 def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, n_rays: int) -> Tensor:

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from .fused.frozen import FrozenField
 
 FREEZE_LOCK = threading.Lock()  # threads render chunks of one picture
-CORNERS = torch.tensor([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 CHUNK = 1 << 18  # points processed at once, to limit memory
 
 
@@ -85,11 +84,9 @@ class VoxelField(VoxelGrid):
         all_occupied: all positions are in occupied cells. Otherwise corners without a row get row 0 and weight 0.
         """
         local = (positions - self.minimum) / self.voxel
-        upper = torch.tensor(self.occupied.shape, device=positions.device) - 1
-        cell = torch.minimum(local.floor().clamp_min(0), upper.float())
+        cell = torch.minimum(local.floor().clamp_min(0), (self.shape - 1).float())
         fraction = local - cell
-        offsets = self.vertex_numbers(CORNERS.to(positions.device))
-        rows = self.rows_of(self.vertex_numbers(cell.long())[:, None] + offsets).int()
+        rows = self.rows_of(self.vertex_numbers(cell.long())[:, None] + self.corner_offsets).int()
         x, y, z = torch.stack([1 - fraction, fraction], 2).unbind(1)  # [n, 2] each
         weights = (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).reshape(-1, 8)
         if all_occupied:
@@ -130,8 +127,7 @@ class VoxelField(VoxelGrid):
     def is_occupied(self, positions: Tensor) -> Tensor:
         """Return True for positions in occupied cells, [n] bool."""
         local = (positions - self.minimum) / self.voxel
-        upper = torch.tensor(self.occupied.shape, device=positions.device)
-        inside = ((local >= 0) & (local < upper)).all(-1)
+        inside = ((local >= 0) & (local < self.shape)).all(-1)
         return inside & self.occupied.view(-1)[self.cells(positions)]
 
     def cells(self, positions: Tensor) -> Tensor:

@@ -13,6 +13,7 @@ from ...compute.kernels import has_kernels
 from ..rendering.sampling import coarse_occupancy
 from ..rendering.space import Box, Space
 
+CORNERS = torch.tensor([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 BITS = 8  # vertices per entry of the index
 MAX_VERTICES = 2**31 - 1  # kernels number vertices with int32
 
@@ -24,6 +25,8 @@ class VoxelGrid(nn.Module):
     occupied: Tensor  # [X, Y, Z] bool
     index: Tensor  # table row of each vertex, see above
     coarse: Tensor  # `sampling.coarse_occupancy` of the cells
+    shape: Tensor  # [3], numbers of cells X, Y, Z
+    corner_offsets: Tensor  # [8], vertex numbers of a cell's corners less that of its lowest one
 
     def __init__(
         self,
@@ -45,6 +48,10 @@ class VoxelGrid(nn.Module):
         self.register_buffer("occupied", occupied)
         self.register_buffer("index", vertex_index(occupied), persistent=False)
         self.register_buffer("coarse", coarse_occupancy(occupied), persistent=False)
+        # made once: copying them to an accelerator waits for it
+        self.register_buffer("shape", torch.tensor(occupied.shape, device=minimum.device), persistent=False)
+        offsets = self.vertex_numbers(CORNERS.to(minimum.device))
+        self.register_buffer("corner_offsets", offsets, persistent=False)
         last, device = int(self.index[-1, -1, -1]), minimum.device
         n = (last >> BITS) + (last & 0xFF).bit_count()
         self.raw_density = nn.Parameter(torch.zeros(n, 1, device=device))  # before bias and softplus
@@ -100,8 +107,7 @@ class VoxelGrid(nn.Module):
     @property
     def bounds(self) -> Tensor:
         """Minimum and maximum corner, [2, 3]."""
-        size = self.voxel * torch.tensor(self.occupied.shape, device=self.minimum.device)
-        return torch.stack([self.minimum, self.minimum + size])
+        return torch.stack([self.minimum, self.minimum + self.voxel * self.shape])
 
 
 def vertex_index(occupied: Tensor) -> Tensor:
