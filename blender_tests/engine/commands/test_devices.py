@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+pytestmark = pytest.mark.on_device("all stages, interrupted and resumed")
 PRETEND = "blender_tests.engine.pretend_device"
 pytest.importorskip(PRETEND, reason="this torch has no device made of Python alone", exc_type=ImportError)
 

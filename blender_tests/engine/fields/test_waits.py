@@ -105,6 +105,7 @@ def test_recorder_finds_operations_that_wait():
     assert len(waits.found) == 3
 
 
+@pytest.mark.on_device("waits in an iteration")
 @pytest.mark.parametrize("kind", ["points", "rays", "recoloring"])
 def test_training_a_head_never_waits(waits, runtime, kind):
     occupied = torch.ones(4, 4, 4, dtype=torch.bool, device=runtime.device)
@@ -114,6 +115,7 @@ def test_training_a_head_never_waits(waits, runtime, kind):
     assert waits == [[]] * ITERATIONS
 
 
+@pytest.mark.on_device("waits in an iteration")
 def test_training_a_nerf_never_waits(waits, runtime):
     sampling = NerfSampling(1.0, 4.0, coarse=6, fine=6)
     cameras = [camera_at(angle, 0.5, 8) for angle in (0.0, 1.0)]
@@ -128,6 +130,7 @@ def test_training_a_nerf_never_waits(waits, runtime):
 SAMPLES, LENGTH = ["aten.nonzero.default"] * 4, ["aten._local_scalar_dense.default"]
 
 
+@pytest.mark.on_device("waits in an iteration")
 @pytest.mark.parametrize(("space", "expected"), [("box", SAMPLES), ("contraction", LENGTH + SAMPLES)])
 def test_training_voxels_waits_only_for_numbers_of_samples(waits, runtime, space, expected):
     levels = (Level(16, ITERATIONS, 1.0), Level(20, 4 * ITERATIONS, 1.0))

@@ -52,6 +52,7 @@ def test_gaussian_layer_equals_its_formula():
         assert layer(x)[row, out].item() == pytest.approx(total, abs=1e-5)
 
 
+@pytest.mark.on_device("KAN layers")
 @KERNELS
 @pytest.mark.parametrize("n_centers", [2, 5, 8])
 @SPACINGS
@@ -65,6 +66,7 @@ def test_float32_layer_matches_the_float64_reference(kernels, n_centers, spacing
         assert error < (1e-5 * size + 1e-6 * inputs[1].numel() if name == "bandwidth" else 2e-5 * size), name
 
 
+@pytest.mark.on_device("KAN layers")
 @SPACINGS
 @pytest.mark.parametrize("magnitude", [0.0, 2.0, 2.7, 4.0, 30.0, 1e4, 1e30])
 def test_values_and_gradients_are_finite_for_any_input(spacings, magnitude, device):

@@ -75,6 +75,7 @@ CASES["out of sight"] = (
 )
 
 
+@pytest.mark.on_device("gsplat's kernels, against numba's")
 @pytest.mark.parametrize("case", CASES)
 def test_pictures_and_gradients_match_the_kernels(case, device):
     table, screen_filter = CASES[case]
@@ -97,6 +98,7 @@ def test_pictures_and_gradients_match_the_kernels(case, device):
         assert_allclose(by_gsplat.cpu().numpy()[:, columns], expected, atol=1e-4 * largest, err_msg=name)
 
 
+@pytest.mark.on_device("gsplat's kernels, against numba's")
 def test_faded_colors_match_the_kernels(device):
     table, camera = cloud(), pinhole(camera_ahead(), NEAR)
     sure = np.random.default_rng(2).random(len(table)).astype(np.float32)
@@ -106,6 +108,7 @@ def test_faded_colors_match_the_kernels(device):
     assert_allclose(shown.colors, expected.colors, atol=1e-5)
 
 
+@pytest.mark.on_device("gsplat's kernels, against numba's")
 def test_training_steps_match_the_kernels(device):
     start = Gaussians(cloud(40, 1, seed=7), 5, BACKGROUND, NEAR)
     start = replace(start, table=np.concatenate([ball((0, 0, 9), degree=1)[None], start.table]))  # never seen

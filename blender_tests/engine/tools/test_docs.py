@@ -12,7 +12,7 @@ from blender_tests.engine.conftest import ROOT
 from blender_tests.engine.test_layering import FLOORS
 from karf_engine.io.options import flag_of
 from karf_engine.project.settings import describe
-from tools import opens, reference
+from tools import devices, opens, reference
 
 DOCS = ROOT / "docs"
 FILES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("tasks/*.md"))]
@@ -215,3 +215,20 @@ def test_command_line_page_lists_every_verb():
     assert re.findall(r"^    ([a-z-]+)(?: |$)", reference._printed("--help"), re.MULTILINE) == [*reference.VERBS]
     rows = re.findall(r"^\| (`.*?`) \|", PAGES["docs/command_line.md"], re.MULTILINE)
     assert sorted(re.findall(r"`([\w-]+)`", "".join(rows))) == sorted(reference.VERBS)
+
+
+def test_page_of_devices_is_current():
+    assert devices.PAGE.read_text(encoding="utf-8") == devices.page(), "run python -m tools.devices"
+
+
+def test_page_of_devices_counts_the_outcomes_of_a_report():
+    assert len(devices.marked()) >= 14 and all("| never |" in row for row in devices.table(None).splitlines()[4:])
+    file = "blender_tests/engine/splats/test_gsplat.py::test_"
+    outcomes = {
+        "training_steps_match_the_kernels": "passed",
+        "faded_colors_match_the_kernels": "failed",
+        "else": "failed",
+    }
+    tests = {file + name: {"outcome": outcome} for name, outcome in outcomes.items()}
+    found = devices.table({"hardware": "a card", "torch": "2.13", "tests": tests})
+    assert "test_gsplat.py` | 1 failed, 1 passed |" in found and devices.NEVER not in found

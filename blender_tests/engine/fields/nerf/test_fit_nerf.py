@@ -46,6 +46,7 @@ def test_held_out_view_is_rendered_well(learned):
     assert 2.6 < picture.depth[16, 16] < 4.2
 
 
+@pytest.mark.on_device("NeRFs")
 @pytest.mark.parametrize("kind", ["alpha", "opaque"])
 def test_alpha_and_opaque_backgrounds_are_learned(kind, device):
     scene = list(start(kind, replace(TINY, iterations=400), device=device).scenes(silent()))[-1]

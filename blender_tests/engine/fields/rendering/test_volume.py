@@ -48,6 +48,7 @@ def test_few_samples_match_values_by_hand(sigmas, rays, weights, rest):
     assert_allclose(volume.accumulate(found, values, rays, 2), expected, rtol=1e-6)
 
 
+@pytest.mark.on_device("sums along rays")
 @pytest.mark.parametrize(
     ("n_rays", "dtype", "scale", "tolerance"),
     [(200, torch.float64, 2.0, 1e-12), (300, torch.float32, 2.0, 2e-6), (4000, torch.float32, 20.0, 2e-6)],
@@ -130,6 +131,7 @@ def test_three_quantile_samples_match_values_by_hand(weights, distances, spread)
     assert_allclose(cache.spread, [spread])
 
 
+@pytest.mark.on_device("sums along rays")
 @pytest.mark.parametrize("n_samples", [1, 2, 3, 7])
 def test_quantile_samples_of_many_rays_match_a_loop(n_samples, device):
     random = np.random.default_rng(n_samples)

@@ -37,6 +37,7 @@ def fit(*arguments, **options):
     return list(start(*arguments, **options).scenes(silent()))[-1]
 
 
+@pytest.mark.on_device("voxels in a box")
 @pytest.mark.parametrize("kind", ["alpha", "black", "opaque"])
 def test_held_out_view_is_rendered_well(photos, kind, device):
     sky = kind == "opaque"

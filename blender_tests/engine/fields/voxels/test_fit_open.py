@@ -68,6 +68,7 @@ def ball_depth_error(scene, angles):
     return float(np.median(errors))
 
 
+@pytest.mark.on_device("voxels in open space")
 @pytest.mark.parametrize(
     ("space", "rig", "angles"), [("contraction", RING, (0.05, 1, 2, 3, 4)), ("frustum", FRONT, (-0.1, 0.05, 0.2))]
 )
