@@ -26,7 +26,7 @@ FLOORS = (
 )
 TOOLS = (
     ("metrics",),
-    ("__init__", "cells", "dev", "convert_bmild", "lock_engine", "opens", "reference", "translations"),
+    ("__init__", "cells", "dev", "convert_bmild", "lock_engine", "opens", "devices", "reference", "translations"),
     ("window",),
     ("evaluate",),
     ("release", "scenes"),
