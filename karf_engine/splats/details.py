@@ -8,7 +8,7 @@ Carlo").
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,13 +17,13 @@ from scipy.spatial.transform import Rotation
 
 from ..capture.camera import Camera
 from ..capture.capture import View
-from .fit import Photo, SplatFit, load_photos
+from .fit import WINDOW, Photo, SplatFit, load_photos
 from .gaussians import Gaussians
-from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
+from .kernels.arrays import CENTER, LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import rasterize
 
 MARGIN = 0.08  # of a crop around an object, in its longer sides
-LEAST_SIDE = 16  # of a crop, pixels; photos that show less of an object are left out
+LEAST_SIDE = 8  # of a crop, pixels; photos that show less of an object are left out
 QUANTILE = 0.002  # share of an object's Gaussians beyond each side of its crop
 OPAQUE = 0.0  # logit of Gaussians that outline an object
 TRANSPARENT = -4.0  # logit below which a Gaussian is moved
@@ -134,10 +134,14 @@ def errors_of(gaussians: Gaussians, crops: Sequence[tuple[Photo, np.ndarray | fl
     return total
 
 
-def load_crops(
-    views: Sequence[View], long_side: int, objects: Sequence[np.ndarray], step: Callable[[], None]
-) -> list[Photo]:
-    """Load crops of photos around objects, [n, 3] points of each in the world; `step` is called after each view."""
+def iterations_of(crops: Sequence[Photo], quality: Quality) -> int:
+    """Return how many windows of crops have about the pixels that a quality shows."""
+    pixels = [np.prod(np.minimum(crop.color.shape[:2], WINDOW)) for crop in crops]
+    return max(1, round(quality.pixels / float(np.mean(pixels))))
+
+
+def load_crops(views: Sequence[View], long_side: int, objects: Sequence[np.ndarray]) -> list[Photo]:
+    """Load crops of photos around objects, [n, 3] points of each in the world, one photo at a time."""
     crops = []
     for view in views:
         photo = load_photos([view], long_side)[0]
@@ -145,7 +149,6 @@ def load_crops(
             place = place_of(points, photo.camera)
             if place is not None:
                 crops.append(photo.cropped(*place))
-        step()
     return crops
 
 

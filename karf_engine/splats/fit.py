@@ -72,7 +72,9 @@ class Photo:
         camera, color = self.camera, self.color[rows, columns].copy()
         alpha, valid = (None if each is None else each[rows, columns].copy() for each in (self.alpha, self.valid))
         size = {"width": color.shape[1], "height": color.shape[0]}
-        return Photo(replace(camera, **size, cx=camera.cx - columns.start, cy=camera.cy - rows.start), color, alpha, valid)
+        return Photo(
+            replace(camera, **size, cx=camera.cx - columns.start, cy=camera.cy - rows.start), color, alpha, valid
+        )
 
 
 class Exposures:
