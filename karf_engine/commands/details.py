@@ -9,17 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from ..capture.capture import View
 from ..compute.cores import limit_torch_threads
 from ..errors import DataError
 from ..fields.files import load_scene
 from ..heads.files import load_segmentation
-from ..project import Project
 from ..recolor.splatted_scene import shares_of_objects
 from ..splats.files import load_gaussians, save_gaussians
 from ..splats.gaussians import Gaussians
+from ..splats.kernels.arrays import LOGIT
 from ..splats.sharpness import blur_of, word_for
 from .job import Job, run_stage, stage_fingerprint
 
@@ -68,7 +67,7 @@ def learn_details(job: Job, quality: str) -> None:
         path, done = draft_file(job), project.require("splats")
         assert path is not None
         draft = load_gaussians(project.verified(path))
-        is_inside, objects = _objects(job, draft)
+        objects = _objects(job, draft)
         views = job.capture().split("train")
         crops = load_crops(views, wanted.long_side, objects)
         if not crops:
@@ -79,12 +78,13 @@ def learn_details(job: Job, quality: str) -> None:
         iterations = iterations_of(crops, wanted)
         progress = job.progress("splats", iterations + len(views))
         limit_torch_threads()
-        start, n_fine = refined(draft, is_inside, crops, wanted.count, seed)
+        cameras = [view.camera.without_distortion() for view in views]
+        start, n_fine = refined(draft, crops, cameras, wanted.count, seed)
         fit = DetailFit(start, n_fine, crops, iterations, seed)
         run.checkpoint.attach(fit, progress)
         fit.run(progress, run.checkpoint)
         learned = replace(fit.gaussians, n_background=draft.n_background)
-        visibility = visibility_in_photos(learned, [view.camera.without_distortion() for view in views], progress.step)
+        visibility = visibility_in_photos(learned, cameras, progress.step)
         save_gaussians(replace(learned, visibility=visibility), run.output(project.splats_file))
         shutil.copyfile(path, run.output(project.draft_file))
         kept = done.get("draft") or {name: done[name] for name in ("fingerprint", *KEPT) if name in done}
@@ -104,7 +104,7 @@ def reached(job: Job, gaussians: Gaussians, objects: Sequence[np.ndarray] | None
     test = job.capture().split("test")
     test = test[:: max(1, -(-len(test) // JUDGED))]
     if objects is None:
-        objects = _objects(job, gaussians)[1] if job.project.finished("segmentation") else []
+        objects = _objects(job, gaussians) if job.project.finished("segmentation") else []
 
     def load(views: list[View]) -> list[Photo]:
         return load_crops(views, JUDGED_SIDE, objects) if objects else load_photos(views, JUDGED_SIDE)
@@ -125,19 +125,14 @@ def _inputs(job: Job, quality: str) -> tuple[str, str]:
     return quality, job.project.require("segmentation")["fingerprint"]
 
 
-@torch.no_grad()
-def _objects(job: Job, gaussians: Gaussians) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return which Gaussians are in a box of an object, [n] bool, and the centers of each object's solid ones."""
+def _objects(job: Job, gaussians: Gaussians) -> list[np.ndarray]:
+    """Return the centers of each object's solid Gaussians, [n, 3]."""
     from ..splats.details import OPAQUE
-    from ..splats.kernels.arrays import LOGIT
 
-    project: Project = job.project
+    project = job.project
     scene = load_scene(project.verified(project.geometry_file))
-    field, path = scene.field, project.verified(project.segmentation_file)
+    path, field = project.verified(project.segmentation_file), scene.field
     segmentation, _ = load_segmentation(path, field.n_features, "cpu", field.space)
-    centers, n = gaussians.table[:, :3], gaussians.n_foreground
-    is_inside = np.zeros(len(gaussians), bool)
-    is_inside[:n] = segmentation.inside(field.space.to_grid(torch.from_numpy(centers[:n])).float()).any(1).numpy()
     is_solid = gaussians.table[:, LOGIT] > OPAQUE
     shares = shares_of_objects(gaussians, segmentation, scene)
-    return is_inside, [centers[(own > 0.5) & is_solid] for own in shares.T]
+    return [gaussians.table[(own > 0.5) & is_solid, :3] for own in shares.T]

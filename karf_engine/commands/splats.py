@@ -36,6 +36,11 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
     job.project.require("geometry")
     capture = job.capture()
     if capture.splats is not None:
+        if options.quality != "draft":
+            raise BadRequest(
+                f"The splats come from {capture.splats.path}, and are not learned in the quality {options.quality!r}.",
+                "Choose the quality draft.",
+            )
         _take(job, capture, capture.splats)
         return
     if job.settings.splats.iterations == 0:

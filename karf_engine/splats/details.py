@@ -1,9 +1,9 @@
-"""Details of the marked objects: more Gaussians in their boxes, learned from crops of the photos near their own size.
+"""Details of the marked objects: more Gaussians, learned from crops of the photos near their own size.
 
-It starts from a draft of the whole scene. What lies outside the boxes stays as it is, but for its constant color. The
-Gaussians added are parts of the draft's, most where the draft differs most from the photos; those that become transparent
-are moved to where the error is largest (as in Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte
-Carlo").
+It starts from a draft of the whole scene. What photos also show beside the crops stays as it is, but for its constant
+color. The Gaussians added are parts of the draft's, most where the draft differs most from the photos; those that become
+transparent are moved to where the error is largest (as in Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain
+Monte Carlo").
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from .rasterizer import rasterize
 MARGIN = 0.08  # of a crop around an object, in its longer sides
 LEAST_SIDE = 8  # of a crop, pixels; photos that show less of an object are left out
 QUANTILE = 0.002  # share of an object's Gaussians beyond each side of its crop
+WITHIN = 0.75  # least share of the photos of a Gaussian that show it in a crop, if it is to learn from them
 OPAQUE = 0.0  # logit of Gaussians that outline an object
 TRANSPARENT = -4.0  # logit below which a Gaussian is moved
 MOVED_AT = (0.15, 0.3, 0.45, 0.6)  # fractions of the iterations
@@ -78,19 +79,32 @@ class DetailFit(SplatFit):
 
 
 def refined(
-    draft: Gaussians, is_inside: np.ndarray, crops: Sequence[Photo], count: int, seed: int
+    draft: Gaussians, crops: Sequence[Photo], cameras: Sequence[Camera], count: int, seed: int
 ) -> tuple[Gaussians, int]:
-    """Return a draft with `count` more Gaussians, and the number of those inside, which are its first rows.
+    """Return a draft with `count` more Gaussians, and how many of its first rows are to learn from the crops.
 
-    is_inside: [n] bool, the draft's Gaussians to take apart.
+    cameras: of the whole photos.
     """
     random = np.random.default_rng([seed, 4])
     errors = errors_of(draft, [(crop, 1.0) for crop in crops])
-    inside = draft.table[is_inside]
-    parents, parts = _parts(inside, errors[is_inside], count, random)
-    inside[parents] = parts[: len(parents)]
-    table = np.concatenate([inside, parts[len(parents) :], draft.table[~is_inside]])
-    return replace(draft, table=table, visibility=None), len(table) - int((~is_inside).sum())
+    n_crops, n_photos = (_counts(draft, seen_by) for seen_by in ([crop.camera for crop in crops], cameras))
+    is_fine = (n_crops > 0) & (n_crops >= WITHIN * n_photos) & (np.arange(len(draft)) < draft.n_foreground)
+    fine = draft.table[is_fine]
+    parents, parts = _parts(fine, errors[is_fine], count, random)
+    fine[parents] = parts[: len(parents)]
+    table = np.concatenate([fine, parts[len(parents) :], draft.table[~is_fine]])
+    return replace(draft, table=table, visibility=None), len(table) - int((~is_fine).sum())
+
+
+def _counts(gaussians: Gaussians, cameras: Sequence[Camera]) -> np.ndarray:
+    """Return in how many pinholes' pictures the center of each Gaussian lies, hidden or not, [n] int."""
+    counts, centers = np.zeros(len(gaussians), int), gaussians.table[:, :3].astype(np.float64)
+    for camera in cameras:
+        pixels, depth = camera.project(centers)
+        with np.errstate(invalid="ignore"):
+            inside = (pixels >= 0) & (pixels <= (camera.width, camera.height))
+        counts += inside.all(1) & (depth > gaussians.near)
+    return counts
 
 
 def _parts(
