@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from ..capture.camera import Camera
 from ..capture.capture import View
-from .fit import WINDOW, Photo, SplatFit, load_photos
+from .fit import LEAST_PIXELS, WINDOW, Photo, SplatFit, load_photos
 from .gaussians import Gaussians
-from .kernels.arrays import CENTER, LOG_SCALE, LOGIT, ROTATION
+from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import rasterize
 
 MARGIN = 0.08  # of a crop around an object, in its longer sides
@@ -32,6 +32,8 @@ MOVED_AT = (0.15, 0.3, 0.45, 0.6)  # fractions of the iterations
 MEASURED = 24  # crops that measure where the error is
 BLUR = 3  # pixels, side of the square in which errors are averaged
 RATE = 0.5  # of the learning rates of a draft
+HARMONICS_RATE = 0.5  # of these for the higher harmonics, which overfit few photos
+LEAST = 0.3  # least scale of a Gaussian, pixels of the photo that shows it largest
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,8 @@ class DetailFit(SplatFit):
         self._n_fine = n_fine
         self._moved_at = {round(fraction * iterations) for fraction in MOVED_AT} - {0}
         self._rates *= np.float32(RATE)
+        self._rates[COLOR + 3 :] *= np.float32(HARMONICS_RATE)
+        self._least += np.float32(np.log(LEAST / LEAST_PIXELS))
 
     def _step(self) -> float:
         if self.done in self._moved_at:

@@ -14,9 +14,10 @@ def blur_of(shown: np.ndarray, photo: np.ndarray, valid: np.ndarray | None = Non
 
     valid: [H, W] bool, the pixels that count. The view is judged in the photo's exposure.
     """
-    gains = (shown * photo).sum((0, 1)) / np.maximum(np.square(shown).sum((0, 1)), 1e-9)
     counted = np.ones(photo.shape[:2], bool) if valid is None else valid
-    error = np.square(gains * shown - photo)[counted].mean()
+    own, target = shown[counted], photo[counted]
+    gains = (own * target).sum(0) / np.maximum(np.square(own).sum(0), 1e-9)
+    error = np.square(gains * own - target).mean()
     errors = [np.square(gaussian_filter(photo, (blur, blur, 0)) - photo)[counted].mean() for blur in BLURS]
     return float(np.interp(error, errors, BLURS))
 
