@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ..splats.fit import Photo  # needs numba
 
 JUDGED = 8  # views that measure what was reached
+JUDGING_ONE = 12  # of so many photos, where none are held out
 JUDGED_SIDE = 1600  # their long side, pixels
 KEPT = "gaussians", "held_out", "reached"  # of a draft's summary, with its fingerprint
 
@@ -68,7 +69,7 @@ def learn_details(job: Job, quality: str) -> None:
         assert path is not None
         draft = load_gaussians(project.verified(path))
         objects = _objects(job, draft)
-        views = job.capture().split("train")
+        views, judged = _split(job)
         crops = load_crops(views, wanted.long_side, objects)
         if not crops:
             raise DataError(
@@ -88,36 +89,50 @@ def learn_details(job: Job, quality: str) -> None:
         save_gaussians(replace(learned, visibility=visibility), run.output(project.splats_file))
         shutil.copyfile(path, run.output(project.draft_file))
         kept = done.get("draft") or {name: done[name] for name in ("fingerprint", *KEPT) if name in done}
-        run.summary.update(quality=quality, gaussians=len(learned), draft=kept, **reached(job, learned, objects))
+        run.summary.update(
+            quality=quality, gaussians=len(learned), draft=kept, **reached(job, learned, judged, objects)
+        )
     job.artifact("splats", project.splats_file)
 
 
-def reached(job: Job, gaussians: Gaussians, objects: Sequence[np.ndarray] | None = None) -> dict[str, list]:
-    """Measure how sharp held-out views are, around the objects where they are known: the entry `reached` of a summary.
+def _split(job: Job) -> tuple[Sequence[View], Sequence[View]]:
+    """Return the views to learn details from, and those that judge them.
 
-    It has a word, see `word_for`, and the blur in pixels; there is none without held-out views.
+    Without test views every JUDGING_ONE of many photos is left out of the details, not of the draft.
+    """
+    views, test = job.capture().split("train"), job.capture().split("test")
+    if test or len(views) < 2 * JUDGING_ONE:
+        return views, test
+    judged = views[JUDGING_ONE // 2 :: JUDGING_ONE]
+    return [view for view in views if view not in judged], judged
+
+
+def reached(
+    job: Job, gaussians: Gaussians, judged: Sequence[View], objects: Sequence[np.ndarray] | None = None
+) -> dict[str, list]:
+    """Measure how sharp these views are, around the objects where they are known: the entry `reached` of a summary.
+
+    It has a word, see `word_for`, and the blur in pixels; there is none without views.
     """
     from ..splats.details import load_crops
     from ..splats.fit import load_photos
     from ..splats.rasterizer import rasterize  # needs numba
 
-    test = job.capture().split("test")
-    test = test[:: max(1, -(-len(test) // JUDGED))]
     if objects is None:
         objects = _objects(job, gaussians) if job.project.finished("segmentation") else []
 
-    def load(views: list[View]) -> list[Photo]:
+    def load(views: Sequence[View]) -> list[Photo]:
         return load_crops(views, JUDGED_SIDE, objects) if objects else load_photos(views, JUDGED_SIDE)
 
     blurs = []
-    for view in test:
+    for view in judged[:: max(1, -(-len(judged) // JUDGED))]:
         for photo in load([view]):
             shown = rasterize(gaussians, photo.camera).picture()
             blurs.append(blur_of(shown, photo.over(gaussians.background), photo.valid))
     if not blurs:
         return {}
     blur = round(float(np.median(blurs)), 2)
-    job.emit("stage", name="splats", text=f"held-out views are {word_for(blur)}, as photos blurred by {blur} pixels")
+    job.emit("stage", name="splats", text=f"new views are {word_for(blur)}, as photos blurred by {blur} pixels")
     return {"reached": [word_for(blur), blur]}
 
 

@@ -114,7 +114,7 @@ def _learn(job: Job) -> None:
         judged = test[:: max(1, len(test) // VALIDATION_VIEWS)]
         if judged:
             run.summary["held_out"] = _held_out(job, (start, fit.gaussians), judged, capture, fit.gains)
-            run.summary.update(quality="draft", **reached(job, fit.gaussians))
+            run.summary.update(quality="draft", **reached(job, fit.gaussians, judged))
         visibility = visibility_in_photos(fit.gaussians, [photo.camera for photo in photos], progress.step)
         save_gaussians(replace(fit.gaussians, visibility=visibility), run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)
