@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 
 from ..capture.capture import View
 from ..compute.cores import limit_torch_threads
@@ -68,7 +69,7 @@ def learn_details(job: Job, quality: str) -> None:
         path, done = draft_file(job), project.require("splats")
         assert path is not None
         draft = load_gaussians(project.verified(path))
-        objects = _objects(job, draft)
+        is_inside, objects = _objects(job, draft)
         views, judged = _split(job)
         crops = load_crops(views, wanted.long_side, objects)
         if not crops:
@@ -80,7 +81,7 @@ def learn_details(job: Job, quality: str) -> None:
         progress = job.progress("splats", iterations + len(views))
         limit_torch_threads()
         cameras = [view.camera.without_distortion() for view in views]
-        start, n_fine = refined(draft, crops, cameras, wanted.count, seed)
+        start, n_fine = refined(draft, is_inside, crops, wanted.count, seed)
         fit = DetailFit(start, n_fine, crops, iterations, seed)
         run.checkpoint.attach(fit, progress)
         fit.run(progress, run.checkpoint)
@@ -119,7 +120,7 @@ def reached(
     from ..splats.rasterizer import rasterize  # needs numba
 
     if objects is None:
-        objects = _objects(job, gaussians) if job.project.finished("segmentation") else []
+        objects = _objects(job, gaussians)[1] if job.project.finished("segmentation") else []
 
     def load(views: Sequence[View]) -> list[Photo]:
         return load_crops(views, JUDGED_SIDE, objects) if objects else load_photos(views, JUDGED_SIDE)
@@ -140,14 +141,18 @@ def _inputs(job: Job, quality: str) -> tuple[str, str]:
     return quality, job.project.require("segmentation")["fingerprint"]
 
 
-def _objects(job: Job, gaussians: Gaussians) -> list[np.ndarray]:
-    """Return the centers of each object's solid Gaussians, [n, 3]."""
+@torch.no_grad()
+def _objects(job: Job, gaussians: Gaussians) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return which Gaussians are in a box of an object, [n] bool, and the centers of each object's solid ones, [m, 3]."""
     from ..splats.details import OPAQUE
 
     project = job.project
     scene = load_scene(project.verified(project.geometry_file))
     path, field = project.verified(project.segmentation_file), scene.field
     segmentation, _ = load_segmentation(path, field.n_features, "cpu", field.space)
+    centers, n = gaussians.table[:, :3], gaussians.n_foreground
+    is_inside = np.zeros(len(gaussians), bool)
+    is_inside[:n] = segmentation.inside(field.space.to_grid(torch.from_numpy(centers[:n])).float()).any(1).numpy()
     is_solid = gaussians.table[:, LOGIT] > OPAQUE
     shares = shares_of_objects(gaussians, segmentation, scene)
-    return [gaussians.table[(own > 0.5) & is_solid, :3] for own in shares.T]
+    return is_inside, [centers[(own > 0.5) & is_solid] for own in shares.T]

@@ -1,6 +1,6 @@
 """Details of the marked objects: more Gaussians, learned from crops of the photos near their own size.
 
-It starts from a draft of the whole scene. What photos also show beside the crops stays as it is, but for its constant
+It starts from a draft of the whole scene. What lies outside the objects' boxes stays as it is, but for its constant
 color. The Gaussians added are parts of the draft's, most where the draft differs most from the photos; those that become
 transparent are moved to where the error is largest (as in Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain
 Monte Carlo").
@@ -17,23 +17,20 @@ from scipy.spatial.transform import Rotation
 
 from ..capture.camera import Camera
 from ..capture.capture import View
-from .fit import LEAST_PIXELS, WINDOW, Photo, SplatFit, load_photos
+from .fit import WINDOW, Photo, SplatFit, load_photos
 from .gaussians import Gaussians
-from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
+from .kernels.arrays import CENTER, LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import rasterize
 
 MARGIN = 0.08  # of a crop around an object, in its longer sides
 LEAST_SIDE = 8  # of a crop, pixels; photos that show less of an object are left out
 QUANTILE = 0.002  # share of an object's Gaussians beyond each side of its crop
-WITHIN = 0.75  # least share of the photos of a Gaussian that show it in a crop, if it is to learn from them
 OPAQUE = 0.0  # logit of Gaussians that outline an object
 TRANSPARENT = -4.0  # logit below which a Gaussian is moved
 MOVED_AT = (0.15, 0.3, 0.45, 0.6)  # fractions of the iterations
 MEASURED = 24  # crops that measure where the error is
 BLUR = 3  # pixels, side of the square in which errors are averaged
 RATE = 0.5  # of the learning rates of a draft
-HARMONICS_RATE = 0.5  # of these for the higher harmonics, which overfit few photos
-LEAST = 0.3  # least scale of a Gaussian, pixels of the photo that shows it largest
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ class Quality:
     pixels: float  # of crops shown in all
 
 
-QUALITIES = {"good": Quality(1600, 120_000, 1.6e8), "best": Quality(4096, 400_000, 8e8)}
+QUALITIES = {"good": Quality(1600, 60_000, 1.2e8), "best": Quality(4096, 300_000, 8e8)}
 
 
 class DetailFit(SplatFit):
@@ -57,8 +54,6 @@ class DetailFit(SplatFit):
         self._n_fine = n_fine
         self._moved_at = {round(fraction * iterations) for fraction in MOVED_AT} - {0}
         self._rates *= np.float32(RATE)
-        self._rates[COLOR + 3 :] *= np.float32(HARMONICS_RATE)
-        self._least += np.float32(np.log(LEAST / LEAST_PIXELS))
 
     def _step(self) -> float:
         if self.done in self._moved_at:
@@ -83,32 +78,19 @@ class DetailFit(SplatFit):
 
 
 def refined(
-    draft: Gaussians, crops: Sequence[Photo], cameras: Sequence[Camera], count: int, seed: int
+    draft: Gaussians, is_inside: np.ndarray, crops: Sequence[Photo], count: int, seed: int
 ) -> tuple[Gaussians, int]:
-    """Return a draft with `count` more Gaussians, and how many of its first rows are to learn from the crops.
+    """Return a draft with `count` more Gaussians, and the number of those in the objects' boxes, its first rows.
 
-    cameras: of the whole photos.
+    is_inside: [n] bool, which of the draft's Gaussians are in a box.
     """
     random = np.random.default_rng([seed, 4])
     errors = errors_of(draft, [(crop, 1.0) for crop in crops])
-    n_crops, n_photos = (_counts(draft, seen_by) for seen_by in ([crop.camera for crop in crops], cameras))
-    is_fine = (n_crops > 0) & (n_crops >= WITHIN * n_photos) & (np.arange(len(draft)) < draft.n_foreground)
-    fine = draft.table[is_fine]
-    parents, parts = _parts(fine, errors[is_fine], count, random)
+    fine = draft.table[is_inside]
+    parents, parts = _parts(fine, errors[is_inside], count, random)
     fine[parents] = parts[: len(parents)]
-    table = np.concatenate([fine, parts[len(parents) :], draft.table[~is_fine]])
-    return replace(draft, table=table, visibility=None), len(table) - int((~is_fine).sum())
-
-
-def _counts(gaussians: Gaussians, cameras: Sequence[Camera]) -> np.ndarray:
-    """Return in how many pinholes' pictures the center of each Gaussian lies, hidden or not, [n] int."""
-    counts, centers = np.zeros(len(gaussians), int), gaussians.table[:, :3].astype(np.float64)
-    for camera in cameras:
-        pixels, depth = camera.project(centers)
-        with np.errstate(invalid="ignore"):
-            inside = (pixels >= 0) & (pixels <= (camera.width, camera.height))
-        counts += inside.all(1) & (depth > gaussians.near)
-    return counts
+    table = np.concatenate([fine, parts[len(parents) :], draft.table[~is_inside]])
+    return replace(draft, table=table, visibility=None), len(table) - int((~is_inside).sum())
 
 
 def _parts(
