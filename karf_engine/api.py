@@ -211,8 +211,10 @@ def learn_recoloring(project: PathLike, **options: Any) -> None:
 def learn_splats(project: PathLike, **options: Any) -> None:
     """Learn the scene as Gaussians, which show it sharply from any camera, after the geometry.
 
+    The qualities `good` and `best` learn the marked objects in detail, after the segmentation.
+
     Example:
-        learn_splats("garden_karf", overrides={"splats.iterations": 2000})
+        learn_splats("garden_karf", overrides={"splats.iterations": 2000}, quality="good")
     """
 
 

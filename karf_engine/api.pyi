@@ -91,6 +91,7 @@ def learn(
     without: list[str] | tuple[str, ...] | None = None,
     photo_space: str | None = None,
     ocio: str | None = None,
+    quality: Literal["draft", "good", "best"] = "draft",
     corrections: PathLike | None = None,
     volumes: PathLike | None = None,
     threads: int | None = None,
@@ -151,6 +152,7 @@ def learn_recoloring(
 def learn_splats(
     project: PathLike,
     *,
+    quality: Literal["draft", "good", "best"] = "draft",
     overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
     threads: int | None = None,
     device: str | torch.device | None = None,

@@ -292,7 +292,7 @@ class KARF_OT_extract_palette(PaletteOperator, bpy.types.Operator):
 
 
 class KARF_OT_learn_splats(StepOperator, bpy.types.Operator):
-    """Also learn the scene as Gaussian splats: new cameras then render it sharper and much faster"""
+    """Learn the scene as Gaussian splats, in the quality chosen: new cameras then render it sharper and much faster"""
 
     bl_idname = "karf.learn_splats"
     bl_label = "Learn Splats"

@@ -3,11 +3,11 @@
 import bpy
 
 from ..host.words import draw_text, translatable
-from ..project import disk
 from ..render_engine.engine import NAME
 from ..steps import preview
 from ..surface import scene_object, splat_objects
 from .display import draw_advanced, draw_space
+from .splats import draw_splats
 
 
 def draw_render(layout, context):
@@ -31,10 +31,8 @@ def draw_render(layout, context):
 
 
 def _draw_views(layout, karf):
-    known = disk.contents_of(karf.id_data)
+    draw_splats(layout, karf.id_data)
     column = layout.column(align=True)
-    if "geometry" in known.stages and "splats" not in known.stages:
-        column.operator("karf.learn_splats", icon="SHADERFX")
     column.operator("karf.rendered_view", icon="SHADING_RENDERED")
     column.prop(karf, "fade_unseen")
     column.operator("karf.over_scene", icon="MOD_BOOLEAN")

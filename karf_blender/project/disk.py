@@ -43,6 +43,11 @@ class Contents:
     any_view_helps: bool = False  # whether a mark in any other view would decide about as much
     # of each object: name, unsure share in [0, 1], and whether that is mostly unseen by marked photos
     unsure: tuple[tuple[str, float, bool], ...] = ()
+    reached: tuple[str, str, float] = (
+        "",
+        "",
+        0.0,
+    )  # quality of the splats, how sharp held-out views are, blur in pixels
 
 
 @dataclass(frozen=True)
@@ -130,6 +135,7 @@ def read(scene: bpy.types.Scene) -> Contents:
             suggested=tuple(name for name in _table(report, "suggestions") if name in scene.karf.views),
             any_view_helps=report.get("any_view_helps") is True,
             unsure=_unsure(_table(report, "unsure")),
+            reached=_reached(stages.get("splats", {})),
         )
     except (OSError, KarfError):  # unreadable, or gone while it was read
         return Contents()
@@ -171,6 +177,11 @@ def _report(project: Project) -> Mapping[str, Any]:
 def _table(report: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     found = report.get(key)
     return found if isinstance(found, dict) else {}
+
+
+def _reached(splats: Mapping[str, Any]) -> tuple[str, str, float]:
+    word, blur = splats.get("reached", ("", 0.0))
+    return splats.get("quality", ""), word, blur
 
 
 def _unsure(objects: Mapping[str, Any]) -> tuple[tuple[str, float, bool], ...]:

@@ -30,6 +30,19 @@ PRESET_HELP = {
     "paper": "Method and settings of the paper, on a graphics card; takes a long time",
 }
 PRESET_ITEMS = [(name, name.capitalize(), PRESET_HELP[name]) for name in PRESETS]
+QUALITY_ITEMS = [
+    ("draft", "Draft", "The whole scene alike, from photos at the preset's size"),
+    (
+        "good",
+        "Good",
+        "Marked objects from photos of up to 1600 pixels, and the rest as in the draft: some minutes more",
+    ),
+    (
+        "best",
+        "Best",
+        "Marked objects from photos of up to 4096 pixels, and the rest as in the draft: half an hour more",
+    ),
+]
 COMPOSITING_ITEMS = [
     ("delta", "Photo plus change", "Add the palette's change to the photo. Without changes, the photo stays as it is"),
     ("paper", "Palette only", "Replace the object by its palette mixture, as in the paper"),
@@ -225,6 +238,9 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         update=lambda self, context: windows.redraw("VIEW_3D"),
     )
     preset: EnumProperty(name="Preset", items=PRESET_ITEMS, description="Quality and duration of learning")
+    splat_quality: EnumProperty(
+        name="Splat Quality", items=QUALITY_ITEMS, description="What splats are learned from, and how long it takes"
+    )
     nerf: PathProperty(
         "FILE_PATH",
         name="Pretrained NeRF",

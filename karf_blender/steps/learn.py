@@ -46,9 +46,14 @@ def extract_palette(scene: bpy.types.Scene) -> Task:
     return requests.task(scene, "Extract Palette", *_palettes(scene), result=partial(colors.palettes, scene))
 
 
-def learn_splats(scene: bpy.types.Scene) -> Task:
-    """Learn the scene as Gaussians: they render new cameras sharply and quickly."""
-    return requests.task(scene, "Learn Splats", ("splats", {}), result=partial(_entry, scene, "splats"))
+def learn_splats(scene: bpy.types.Scene, quality: str = "") -> Task:
+    """Learn the scene as Gaussians: they render new cameras sharply and quickly.
+
+    quality: `draft`, `good` or `best` (default: the panel's), which becomes the panel's.
+    """
+    scene.karf.splat_quality = quality or scene.karf.splat_quality
+    job = "splats", {"quality": scene.karf.splat_quality}
+    return requests.task(scene, "Learn Splats", job, result=partial(_entry, scene, "splats"))
 
 
 def _entry(scene: bpy.types.Scene, stage: str) -> dict[str, Any]:

@@ -26,6 +26,8 @@ Matrix4 = tuple[
 ]
 Corners = tuple[float, float, float, float, float, float, float, float]
 Matrix3 = tuple[float, float, float, float, float, float, float, float, float]
+QUALITIES = ("draft", "good", "best")
+QUALITY = "of splats; draft: the whole scene alike; good, best: the marked objects from photos near their own size"
 MASKS = "coarse masks: DIR/<object>/<photo stem>.png"
 
 
@@ -232,6 +234,7 @@ class SplatsOptions(ProjectOptions):
 
     command: ClassVar[str] = "splats"
 
+    quality: str = option(QUALITY, "draft", choices=QUALITIES)
     overrides: tuple[str, ...] = option(
         "change one setting of the splats; may be repeated", (), flag="set", metavar="splats.FIELD=VALUE"
     )
@@ -244,6 +247,7 @@ class LearnOptions(GeometryOptions):
     command: ClassVar[str] = "all"
 
     masks: Path = option(MASKS, metavar="DIR")
+    quality: str = option(QUALITY, "draft", choices=QUALITIES)
     corrections: Path | None = option(
         "partial marks, as for segmentation (default: the project's own)", None, metavar="DIR"
     )

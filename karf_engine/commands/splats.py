@@ -10,6 +10,7 @@ import numpy as np
 from ..capture.capture import Capture, CapturedSplats, View
 from ..compute.cores import limit_torch_threads
 from ..compute.progress import Emit
+from ..errors import BadRequest
 from ..fields.files import load_scene
 from ..fields.scene_surface import NoSurface
 from ..io.files import file_digest
@@ -19,6 +20,7 @@ from ..splats.formats.registry import read_captured_gaussians
 from ..splats.gaussians import Gaussians
 from ..splats.rasterizer import backend
 from ..splats.start import initial_gaussians, pseudo_cameras, render_pseudo_photos, surface_views
+from .details import draft_file, is_learned, learn_details, reached, restore_draft
 from .job import Job, open_job, run_stage
 from .options import SplatsOptions
 
@@ -34,6 +36,11 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
     job.project.require("geometry")
     capture = job.capture()
     if capture.splats is not None:
+        if options.quality != "draft":
+            raise BadRequest(
+                f"The splats come from {capture.splats.path}, and are not learned in the quality {options.quality!r}.",
+                "Choose the quality draft.",
+            )
         _take(job, capture, capture.splats)
         return
     if job.settings.splats.iterations == 0:
@@ -47,9 +54,24 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
         )
         return
     try:
-        _learn(job)
+        if options.quality == "draft":
+            _learn(job)
+        else:
+            _learn_objects(job, options.quality)
     except NoSurface as error:  # photos can be recolored without splats
         emit("warning", code="splats", sentence=f"{error.sentence} There are no splats of it.")
+
+
+def _learn_objects(job: Job, quality: str) -> None:
+    """Learn the objects in detail, after a draft where there is none."""
+    if not job.project.finished("segmentation"):
+        raise BadRequest(
+            f"The quality {quality!r} learns marked objects in detail, and {job.project.folder} has none.",
+            "Run the segmentation stage first, or choose the quality draft.",
+        )
+    if not is_learned(job, quality) and draft_file(job) is None:
+        _learn(job)
+    learn_details(job, quality)
 
 
 def _take(job: Job, capture: Capture, splats: CapturedSplats) -> None:
@@ -67,7 +89,10 @@ def _learn(job: Job) -> None:
     from ..splats.fit import SplatFit, load_photos
     from ..splats.visibility import visibility_in_photos
 
-    settings = job.settings.splats
+    settings, kept = job.settings.splats, draft_file(job)
+    if kept not in (None, job.project.splats_file):
+        restore_draft(job, kept)
+        return
     with run_stage(job, "splats") as run:
         if run is None:
             job.project.set_settings(to_dict(job.settings))
@@ -91,6 +116,7 @@ def _learn(job: Job) -> None:
         judged = test[:: max(1, len(test) // VALIDATION_VIEWS)]
         if judged:
             run.summary["held_out"] = _held_out(job, (start, fit.gaussians), judged, capture, fit.gains)
+            run.summary.update(quality="draft", **reached(job, fit.gaussians, judged))
         visibility = visibility_in_photos(fit.gaussians, [photo.camera for photo in photos], progress.step, device)
         save_gaussians(replace(fit.gaussians, visibility=visibility), run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)

@@ -14,6 +14,7 @@ Files are data (json, npz, safetensors, png), never pickles. Each run of a stage
         object_colors.npz            each object's color histogram with its palette weights (see palettes.object_colors)
         recoloring.safetensors       the recoloring field F_w, where it is trained
         splats.safetensors           the scene as Gaussians (see splats/files.py)
+        draft.safetensors            what they were before objects were learned in detail
     masks/<object>/<view>.png    coarse masks, as given
     earlier_masks/               the masks before the last segmentation with other masks
     corrections/<object>/<view>.png  partial marks (see segmentation.corrections)
@@ -97,6 +98,7 @@ class Project:
     object_colors_file = _Output("object_colors.npz")
     recoloring_file = _Output("recoloring.safetensors")
     splats_file = _Output("splats.safetensors")
+    draft_file = _Output("draft.safetensors")
     points_file = _Inside("points.npz")
     planes_folder = _Inside("planes")
     render_cache_folder = _Inside("looks")

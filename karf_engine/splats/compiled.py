@@ -129,10 +129,16 @@ class CompiledTable:
             view.offsets, rates, self._sizes, self._least,
         )  # fmt: skip
 
+    def replace_rows(self, rows: np.ndarray, values: np.ndarray) -> None:
+        self._table[rows] = values
+        for each in (self._means, self._squares, self._steps):
+            each[rows] = 0
+        self._sizes[rows] = np.exp(values[:, LOG_SCALE : LOG_SCALE + 3].max(1))
+
     def is_finite(self) -> bool:
         with np.errstate(all="ignore"):
             return bool(np.isfinite(self._table.sum()))
 
     def tensors(self) -> dict[str, Tensor]:
         arrays = {"table": self._table, "means": self._means, "squares": self._squares, "steps": self._steps}
-        return {name: torch.from_numpy(each) for name, each in arrays.items()}
+        return {name: torch.from_numpy(each) for name, each in (arrays | {"sizes": self._sizes}).items()}

@@ -65,13 +65,14 @@ class Photo:
         valid = None if self.valid is None else resize(self.valid.astype(np.float32), width, height) > 0.999
         return Photo(self.camera.scaled(width, height), color, alpha, valid)
 
-    def window(self, left: int, top: int) -> Photo:
-        """Crop at most WINDOW x WINDOW pixels from this corner."""
-        camera, rows, columns = self.camera, slice(top, top + WINDOW), slice(left, left + WINDOW)
-        height, width = self.color[rows, columns].shape[:2]
-        alpha, valid = (None if each is None else each[rows, columns] for each in (self.alpha, self.valid))
-        cropped = replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
-        return Photo(cropped, self.color[rows, columns], alpha, valid)
+    def cropped(self, rows: slice, columns: slice) -> Photo:
+        """Return a copy of these rows and columns."""
+        camera, color = self.camera, self.color[rows, columns].copy()
+        alpha, valid = (None if each is None else each[rows, columns].copy() for each in (self.alpha, self.valid))
+        size = {"width": color.shape[1], "height": color.shape[0]}
+        return Photo(
+            replace(camera, **size, cx=camera.cx - columns.start, cy=camera.cy - rows.start), color, alpha, valid
+        )
 
 
 class Exposures:
@@ -116,14 +117,16 @@ class SplatFit:
         seed: int,
         pseudo_photos: Sequence[Photo] = (),
         device: Device = "cpu",
+        halved: float = HALVED,
     ) -> None:
         """Start with initial Gaussians, which are not modified.
 
-        Each iteration shows a photo or a window of one; of three, two show `pseudo_photos` of the field, if any.
+        Each iteration shows a photo or a window of one; of three, two show `pseudo_photos` of the field, if any. The
+        first ones, the fraction `halved`, show them at half size.
         """
         self.iterations, self.done = iterations, 0
         self._start, self._photos, self._seed = gaussians, photos, seed
-        self._exposures = Exposures(len(photos))
+        self._exposures, self._halved = Exposures(len(photos)), halved
         self._halves = [photo.halved() for photo in photos]
         self._between = pseudo_photos, [picture.halved() for picture in pseudo_photos]
         least = np.log(LEAST_PIXELS * _pixel_sizes(gaussians, photos)).astype(np.float32)
@@ -202,14 +205,14 @@ class SplatFit:
         Each picture is shown once per epoch, in random order; of large ones a random window.
         """
         sizes = self._between if self._is_between else (self._photos, self._halves)
-        photos = sizes[0 if self.done >= HALVED * self.iterations else 1]
+        photos = sizes[0 if self.done >= self._halved * self.iterations else 1]
         epoch, position = divmod(self._shown_before(), len(photos))
         number = int(np.random.default_rng([self._seed, epoch, 1]).permutation(len(photos))[position])
         photo = photos[number]
         height, width = photo.color.shape[:2]
         if max(width, height) > WINDOW:
             left, top = (int(random.integers(0, max(0, side - WINDOW) + 1)) for side in (width, height))
-            photo = photo.window(left, top)
+            photo = photo.cropped(slice(top, top + WINDOW), slice(left, left + WINDOW))
         return photo, None if self._is_between else number
 
     def _learned(self) -> dict[str, Tensor]:

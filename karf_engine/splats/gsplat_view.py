@@ -159,10 +159,17 @@ class GsplatTable:
         for kept, new in ((self._table, table), (self._means, means), (self._squares, squares)):
             kept.copy_(torch.where(seen, new, kept))
 
+    def replace_rows(self, rows: np.ndarray, values: np.ndarray) -> None:
+        index, new = torch.from_numpy(rows).to(self._table.device), torch.from_numpy(values).to(self._table)
+        for kept, value in zip(self.tensors().values(), (new, 0, 0, 0), strict=False):
+            kept[index] = value
+        self._sizes[index] = new[:, LOG_SCALE:ROTATION].amax(1, keepdim=True).exp()
+
     def is_finite(self) -> bool:
         return bool(self._table.detach().sum().isfinite())
 
     def tensors(self) -> dict[str, Tensor]:
         return {
-            "table": self._table.detach(), "means": self._means, "squares": self._squares, "steps": self._steps
+            "table": self._table.detach(), "means": self._means, "squares": self._squares, "steps": self._steps,
+            "sizes": self._sizes,
         }  # fmt: skip

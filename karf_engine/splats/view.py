@@ -49,10 +49,14 @@ class TrainedTable(Protocol):
         """
         ...
 
+    def replace_rows(self, rows: np.ndarray, values: np.ndarray) -> None:
+        """Replace rows [m] by values [m, P], which have not been trained yet."""
+        ...
+
     def is_finite(self) -> bool:
         """Return whether all values are finite."""
         ...
 
     def tensors(self) -> dict[str, Tensor]:
-        """Return `table`, moments and number of updates; writing to them changes the training."""
+        """Return `table`, moments, numbers of updates and sizes; writing to them changes the training."""
         ...

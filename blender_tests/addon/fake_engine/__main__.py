@@ -226,7 +226,7 @@ def export_page(project, options):
 
 def splats(project, options):
     project.splats_file.touch()
-    project.finish("splats", "fake", gaussians=3)
+    project.finish("splats", "fake", gaussians=3, quality=options.get("quality", "draft"))
 
 
 def geometry(project, options):

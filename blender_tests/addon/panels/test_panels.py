@@ -55,6 +55,9 @@ class Desk:
         project.finish("segmentation", "s")
         self.addon.engine_api.write_json(project.segmentation_report, REPORT | report)
 
+    def splats(self, **summary):
+        self.addon.folders.project_of(self.bpy.context.scene).finish("splats", "s", **summary)
+
     def follow_splats(self, is_linked=True):
         self.karf.surface.splat = make(self.bpy, "kiri", 1)
         self.bpy.context.view_layer.objects.active = None
@@ -101,6 +104,7 @@ EMPTY = {"karf.import_capture": 1, "color": 0, "karf.cancel": 0, "preferences.ad
 # two objects with two colors each and no black; one reset per swatch and one per object
 SWATCHES = {"color": 4, "karf.reset_swatch": 6, "KARF_MT_swatch": 4, "KARF_MT_palette": 2, "karf.solo_swatch": 6}
 FOLDED = ("karf.becomes", "karf.match_picture", "karf.follow_splat", "karf.see_view", "gloss", "tint", "Prepare")
+LEARN_SPLATS = {"splat_quality": 1, "karf.learn_splats": 1}
 ANY, NEXT = "All views would help about equally", "Mark next: photo_2"
 FAIL, WROTE = setting("progress", **FAILED), lambda desk: desk.addon.progress.wrote(desk.folder)
 # state: its fixture, the action that leads there, how often each control or text is drawn
@@ -134,6 +138,18 @@ STATES = {
     "suggested": ("learned", Desk.segmented, {NEXT: 1, ANY: 0, "pot: 25 % unsure, not visible in": 1}),
     "any suggested": ("learned", lambda desk: desk.segmented(any_view_helps=True), {NEXT: 1, ANY: 1}),
     "splats": ("learned", lambda desk: make(desk.bpy, "kiri", 1), {"karf.follow_splat": 1}),
+    "no splats": ("learned", lambda desk: None, LEARN_SPLATS),
+    "sharp": (
+        "learned",
+        lambda desk: desk.splats(quality="good", reached=["sharp", 0.84]),
+        LEARN_SPLATS | {"Good: new views are sharp, like": 1, "photos blurred by 0.8 pixels": 1},
+    ),
+    "not measured": (
+        "learned",
+        lambda desk: desk.splats(quality="draft"),
+        LEARN_SPLATS | {"Draft: not measured, for no photos": 1},
+    ),
+    "splats of an earlier version": ("learned", Desk.splats, LEARN_SPLATS),
     "following": ("learned", Desk.follow_splats, {"karf.follow_splat": 1}),
     "following unlinked": ("learned", lambda desk: desk.follow_splats(is_linked=False), {"karf.follow_splat": 0}),
     "not prepared": ("learned", setting("karf", active_view="photo_2"), {"Prepare": 1, "Show": 0}),

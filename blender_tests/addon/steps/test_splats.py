@@ -89,6 +89,12 @@ def test_exported_splats_follow_the_rig(bpy, with_splats, exported, name, axes):
     np.testing.assert_allclose(COLMAP_TO_BLENDER.T @ [0, 0, 1], [0, -1, 0])
 
 
+def test_learned_quality_is_the_panels_unless_the_call_says_otherwise(addon, learned):
+    learned.karf.splat_quality = "good"
+    assert addon.steps.learn_splats(learned).wait()["quality"] == "good"
+    assert addon.steps.learn_splats(learned, "best").wait()["quality"] == learned.karf.splat_quality == "best"
+
+
 def test_export_needs_splats_and_valid_axes(bpy, addon, learned, tmp_path):
     assert "splats" not in addon.disk.read(learned).stages and not bpy.ops.karf.export_splat.poll()
     addon.steps.learn_splats(learned).wait()

@@ -1,5 +1,6 @@
 """The stage splats: learned once, skipped where none are wanted, and resumed."""
 
+import itertools
 from unittest.mock import Mock
 
 import pytest
@@ -15,6 +16,7 @@ from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.fields.scene_surface import NoSurface
 from karf_engine.project import Project
 from karf_engine.project.state import without_stage, write_state
+from karf_engine.splats import details
 from karf_engine.splats.files import load_gaussians
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.worker.protocol import STAGES
@@ -30,10 +32,17 @@ def bare(copy):
     return copy
 
 
-def learn(project, *overrides, should_stop=lambda: False, threads=1):
+@pytest.fixture
+def brief(monkeypatch):
+    """Details learned in moments."""
+    for name in details.QUALITIES:
+        monkeypatch.setitem(details.QUALITIES, name, details.Quality(64, 300, 40_000))
+
+
+def learn(project, *overrides, should_stop=lambda: False, threads=1, quality="draft"):
     """Run the stage; returns its events."""
     events = Events()
-    options = SplatsOptions(project=project.folder, overrides=overrides, threads=threads, device="cpu")
+    options = SplatsOptions(project=project.folder, overrides=overrides, threads=threads, device="cpu", quality=quality)
     splats.run(options, events, should_stop)
     return events
 
@@ -113,3 +122,38 @@ def test_cancelled_stage_leaves_the_project_unchanged_and_resumes(bare):
         assert bare.state() == before and not bare.splats_file.exists(), place
     assert any((text or "").startswith("resuming") for text in learn(bare).values("stage", "text"))
     assert bare.splats_file.read_bytes() == whole
+
+
+def test_good_splats_add_gaussians_to_the_objects_and_the_draft_comes_back(copy, brief):
+    draft, before = copy.splats_file.read_bytes(), copy.finished("splats")
+    learn(copy, quality="good")
+    done, learned = copy.finished("splats"), load_gaussians(copy.splats_file)
+    assert done["quality"] == "good" and len(learned) == done["gaussians"] == before["gaussians"] + 300
+    assert learned.visibility is not None and done["reached"][0] in ("sharp", "soft", "poor")
+    assert learn(copy, quality="good").is_done_already("splats")
+    learn(copy, quality="best")
+    assert copy.finished("splats")["quality"] == "best" and copy.draft_file.read_bytes() == draft
+    learn(copy)
+    assert copy.splats_file.read_bytes() == draft and copy.finished("splats")["fingerprint"] == before["fingerprint"]
+    assert learn(copy).is_done_already("splats")
+
+
+def test_good_splats_learn_a_draft_first_where_there_is_none_and_need_objects(bare, brief):
+    learn(bare, *FEW, quality="good")
+    assert bare.finished("splats")["quality"] == "good" and bare.draft_file.exists()
+    finish_again(bare.folder, "geometry")
+    with pytest.raises(BadRequest, match="Run the segmentation stage first"):
+        learn(bare, quality="good")
+
+
+def test_interrupted_details_resume_to_the_bit(copy, brief):
+    asked = itertools.count()
+    with pytest.raises(Cancelled):
+        learn(copy, quality="good", should_stop=lambda: next(asked) > 7)
+    assert copy.finished("splats").get("quality") != "good"
+    events = learn(copy, quality="good")
+    assert any("resuming at iteration" in text for text in events.values("stage", "text") if text)
+    resumed = copy.splats_file.read_bytes()
+    learn(copy)
+    learn(copy, quality="good", threads=2)
+    assert copy.splats_file.read_bytes() == resumed

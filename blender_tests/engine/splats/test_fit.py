@@ -135,7 +135,7 @@ def test_epochs_start_at_half_size_and_include_pseudo_photos(monkeypatch):
     assert [set(between[first : first + 3]) for first in (0, 3, 6, 9)] == [{2, 3, 4}] * 4
 
 
-def test_halved_and_windowed_photos_match_the_original(monkeypatch):
+def test_halved_and_cropped_photos_match_the_original():
     valid = np.ones((36, 40), bool)
     valid[5, 7] = False
     photo = replace(CUT_OUTS[1], valid=valid)
@@ -143,8 +143,8 @@ def test_halved_and_windowed_photos_match_the_original(monkeypatch):
     assert_allclose(half.alpha, photo.alpha.reshape(18, 2, 20, 2).mean((1, 3)), atol=0.02)
     assert np.argwhere(~half.valid).tolist() == [[2, 3]]
     assert half.color.shape == (18, 20, 3) and half.color.dtype == np.uint8
-    monkeypatch.setattr(fit_module, "WINDOW", 16)
-    part, rows, columns = photo.window(9, 5), slice(5, 21), slice(9, 25)
+    rows, columns = slice(5, 21), slice(9, 25)
+    part = photo.cropped(rows, columns)
     assert (part.camera.width, part.camera.height) == (16, 16)
     for name in ("color", "alpha", "valid"):
         assert_array_equal(getattr(part, name), getattr(photo, name)[rows, columns])

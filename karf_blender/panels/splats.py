@@ -1,0 +1,27 @@
+"""The quality of splats: what to learn, and what was reached."""
+
+from ..host.words import draw_text, translatable, translate
+from ..project import disk
+
+REACHED = {  # by the engine's word
+    "sharp": translatable("{quality}: new views are sharp, like photos blurred by {blur} pixels"),
+    "soft": translatable("{quality}: new views are soft, like photos blurred by {blur} pixels"),
+    "poor": translatable("{quality}: new views are poor, like photos blurred by {blur} pixels"),
+}
+
+
+def draw_splats(layout, scene):
+    known = disk.contents_of(scene)
+    if "geometry" not in known.stages:
+        return
+    layout.row(align=True).prop(scene.karf, "splat_quality", expand=True)
+    layout.operator("karf.learn_splats", icon="SHADERFX")
+    if "splats" not in known.stages:
+        return
+    quality, word, blur = known.reached
+    if word in REACHED:
+        shown = {"quality": translate(quality.capitalize()), "blur": f"{blur:.1f}"}
+        draw_text(layout, translate(REACHED[word], **shown), "ERROR" if word == "poor" else "INFO")
+    elif quality:
+        text = translatable("{quality}: not measured, for no photos were held out")
+        draw_text(layout, translate(text, quality=translate(quality.capitalize())), "INFO")
