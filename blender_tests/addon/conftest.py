@@ -26,7 +26,7 @@ MODULES = {
     "project": "captures disk folders image_paths moving",
     "pictures": "editors images photos sequences tints",
     "rig": "cameras lens reprojection",
-    "swatches": "colors overlays edits looks object_masks gestures palettes displayed solving views",
+    "swatches": "colors outputs overlays edits looks object_masks gestures palettes displayed solving views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
     "render_engine": "camera_pixels still viewport",
     "steps": "masks preview splats",

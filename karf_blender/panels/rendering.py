@@ -7,6 +7,7 @@ from ..project import disk
 from ..render_engine.engine import NAME
 from ..steps import preview
 from ..surface import scene_object, splat_objects
+from ..swatches import outputs
 from .display import draw_advanced, draw_space
 
 
@@ -16,8 +17,11 @@ def draw_render(layout, context):
     row = layout.row(align=True)
     row.prop(karf, "out")
     row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "out"
+    layout.prop(karf, "file_names")
+    layout.label(text=outputs.shown_path(karf.id_data), icon="FILE_IMAGE", translate=False)
     column = layout.column(align=True)
     column.operator("karf.render_view", text="This View", icon="IMAGE_DATA")
+    column.operator("karf.render_looks", text="All Looks", icon="COLOR")
     column.operator("karf.render_capture", text="Captured Views", icon="RENDERLAYERS")
     column.operator("karf.render_camera", text="Camera's Frames", icon="RENDER_ANIMATION")
     for name, title, draw_group in GROUPS:
@@ -60,7 +64,6 @@ def _draw_sequence(layout, karf):
 def _draw_colorways(layout, karf):
     column = layout.column(align=True)
     column.operator("karf.colorways", icon="COLOR")
-    column.operator("karf.render_looks", icon="RENDER_ANIMATION")
     column.operator("karf.export_page", icon="URL")
 
 

@@ -156,8 +156,8 @@ def recolor_photos(story: Story) -> Wait:
 
 
 def recolored(name: str) -> Path:
-    """Return a recolored picture's file."""
-    return desk.module("project.folders").out_folder(desk.scene()) / "recolor" / name
+    """Return the file of a picture of the swatches, which are no look."""
+    return desk.module("project.folders").out_folder(desk.scene()) / "Recolored" / name
 
 
 @CHAPTER.step("script: a camera beside a photo's, one frame; mouse: Camera's Frames; keys: Return in its dialog")
@@ -172,7 +172,7 @@ def render_new_camera(story: Story) -> Wait:
     finally:
         scene.frame_end = FILM_FRAMES
     yield from story.shoot()
-    files = sorted(desk.module("project.folders").out_folder(scene).rglob("recolor/frame_*.png"))
+    files = sorted(desk.module("project.folders").out_folder(scene).rglob("cameras/*/Recolored/frame_*.png"))
     check(len(files) == 1, f"{len(files)} frames were written, not one")
     frame, beside = desk.pixels_of(files[0]), desk.pixels_of(recolored(f"{MARKED_VIEW}.png"))
     check(frame.shape == beside.shape, f"the frame has {frame.shape}, and not {beside.shape}")
