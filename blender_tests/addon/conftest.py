@@ -62,6 +62,7 @@ def addon(bpy, monkeypatch):
         package = f"{MODULE}.karf_blender.{folder}".rstrip(".")
         for name in names.split():
             setattr(modules, name, importlib.import_module(f"{package}.{name}"))
+    modules.render_photos = importlib.import_module(f"{MODULE}.karf_blender.render_engine.photos")
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
     monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)
     yield modules

@@ -86,7 +86,7 @@ class StepOperator:
     @reports_errors
     def execute(self, context):
         result = self.step(context)
-        if isinstance(result, str):
+        if isinstance(result, str) and result:
             self.report({"INFO"}, result)
         elif result and result.requests:
             runner.launch(result)

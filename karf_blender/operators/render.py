@@ -241,6 +241,17 @@ class KARF_OT_rendered_view(StepOperator, bpy.types.Operator):
     def step(self, context):
         areas = context.screen.areas if context.screen else ()
         steps.use_engine(context.scene, [area.spaces.active for area in areas if area.type == "VIEW_3D"])
+        return translate_report("A KaRF job is running: the view waits for it") if runner.is_running() else ""
+
+
+class KARF_OT_standard_colors(Undoable, bpy.types.Operator):
+    """Set the scene's view transform to Standard, which shows photos and renders in the colors of their files"""
+
+    bl_idname = "karf.standard_colors"
+    bl_label = "Show Photo Colors"
+
+    def step(self, context):
+        steps.use_standard(context.scene)
 
 
 class KARF_OT_over_scene(Undoable, bpy.types.Operator):

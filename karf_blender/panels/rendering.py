@@ -2,6 +2,7 @@
 
 import bpy
 
+from .. import steps
 from ..host.words import draw_text, translatable
 from ..project import disk
 from ..render_engine.engine import NAME
@@ -40,6 +41,9 @@ def _draw_views(layout, karf):
     if "geometry" in known.stages and "splats" not in known.stages:
         column.operator("karf.learn_splats", icon="SHADERFX")
     column.operator("karf.rendered_view", icon="SHADING_RENDERED")
+    if karf.id_data.view_settings.view_transform not in steps.STANDARD:
+        column.operator("karf.standard_colors", icon="COLOR")
+    column.operator("karf.new_camera", icon="OUTLINER_OB_CAMERA")
     column.prop(karf, "fade_unseen")
     column.operator("karf.over_scene", icon="MOD_BOOLEAN")
     column.operator("karf.export_splat", icon="EXPORT")

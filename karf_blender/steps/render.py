@@ -25,7 +25,9 @@ from ..engine_api import (
 from ..host import compat
 from ..pictures import images, sequences
 from ..project import captures, folders
+from ..render_engine import photos
 from ..render_engine.engine import NAME
+from ..rig import cameras
 from ..rig.lens import build_animation, file_name, frames_of
 from ..swatches import displayed, edits, outputs
 from ..swatches.colors import palettes as palettes_of
@@ -236,12 +238,17 @@ def add_strip(scene: bpy.types.Scene, folder: str | Path | None = None) -> "bpy.
     return sequences.add_strip(scene, files, _first_frame(files), f"KaRF {files[0].parent.parent.name}")
 
 
+def use_standard(scene: bpy.types.Scene) -> None:
+    """Show colors as pictures store them, by the view transform Standard."""
+    scene.view_settings.view_transform = STANDARD[0]
+
+
 def warn_of_view_transform(scene: bpy.types.Scene) -> None:
     """Warn of a view transform that shows other colors in the compositor and the sequencer than the files have."""
     transform = scene.view_settings.view_transform
     if transform not in STANDARD:
         progress.warn(
-            "The view transform {transform} changes colors: choose Standard to show them unchanged.",
+            "The view transform {transform} changes colors: press Show Photo Colors to show them unchanged.",
             transform=transform,
         )
 
@@ -287,6 +294,8 @@ def use_engine(scene: bpy.types.Scene, spaces: Iterable["bpy.types.SpaceView3D"]
     scene.render.engine = NAME
     for space in spaces:
         space.shading.type = "RENDERED"
+        cameras.turn_about(space.region_3d, scene)
+    photos.follow()
     warn_of_view_transform(scene)
 
 
