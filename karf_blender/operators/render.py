@@ -37,7 +37,7 @@ class RenderDialog(StepOperator):
 
 def draw_output(layout, karf):
     """Draw where pictures go, and what becomes of those that are there."""
-    for name in ("out", "file_names", "skip_existing", "overwrite"):
+    for name in ("out", "file_names", "layered", "skip_existing", "overwrite"):
         layout.prop(karf, name)
     layout.label(text=outputs.shown_path(karf.id_data), icon="FILE_IMAGE", translate=False)
 

@@ -204,6 +204,11 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         description="Path of pictures in the output folder, without suffix: {look}, {view}, {scene}, and {frame}, the "
         "number at the end of the view's name. A camera's frames are below cameras/<camera>",
     )
+    layered: BoolProperty(
+        name="Layered File",
+        description="Write each picture as layers too, to finish by hand: OpenEXR with the photo, the recolored picture, "
+        "and each object's mask and change",
+    )
     overwrite: BoolProperty(
         name="Overwrite",
         description="Write over pictures of another look or of other swatches. Off: use the next free name",

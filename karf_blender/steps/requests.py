@@ -120,6 +120,7 @@ def pictures(
         base=base,
         size=size,
         skip_existing=karf.skip_existing,
+        layered=karf.layered,
         format=FORMATS[karf.file_format][karf.color_depth],
         alpha=karf.color_mode == "RGBA",
         overrides=[] if base == "photo" else [f"render.unseen={camera_pixels.unseen(scene)}"],

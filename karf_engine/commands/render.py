@@ -7,6 +7,7 @@ Writes
     OUT/recolor/<view>.png           the edited base picture; photos keep .png, .tif or .exr (with jpeg .jpg); by `names`
     OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
     OUT/unsure/<object>/<view>.png   8 bits, 255 where the object's labels are most uncertain
+    OUT/recolor/<view>_layered.exr   photo, recolored picture, mask and change of each object (export.layered)
     OUT/layers/<view>.exr            base, coverage, weights, depth and mattes for compositors (export.layers)
     OUT/planes/<view>.npz            edit planes; for captured views also in the project, for Blender
     OUT/finished.jsonl               the inputs of each finished frame
@@ -64,6 +65,8 @@ def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOp
     views, captured = choose_views(job.capture(), options.views)
     part = slice_of_views(views, options.first, options.last, options.count)
     edits = read_edits(options.edit, views, model.palettes, job.settings.compositing)[part]
+    if options.layered and any(edit is not None and edit.compositing == "paper" for edit in edits):
+        raise BadRequest("A layered picture cannot hold an edit with compositing paper.", "Use delta, or no --layered.")
     todo, finished = pending_frames(options, learned, views[part], edits)
     job.emit("stage", name="render", text=f"{len(edits)} views")
     progress = job.progress("render", len(edits))

@@ -26,6 +26,7 @@ from ..recolor.model import Model, base_of
 from ..recolor.photos import suffix_for, write_mask, write_photo
 from .file_names import named, tokens_of
 from .frame_options import FORMATS, FrameFileOptions
+from .layered import write_layered
 from .layers import write_layers
 
 
@@ -68,6 +69,10 @@ class _Files:
     def edges(self) -> dict[str, EdgeShape]:
         return {} if self.edit is None else self.edit.edges
 
+    @property
+    def _needs_layers(self) -> bool:
+        return self.options.layers or (self.options.layered and self.edit is not None)
+
     def write_rendering(self) -> None:
         camera = self.model.working_camera(self.view) if self.captured else self.view.camera
         frame = self.model.render(camera, self.model.settings.render.supersampling)
@@ -108,7 +113,7 @@ class _Files:
             kind = self.options.format
             picture = _cut_out(self.model.composite(frame, self.edit), frame, behind)
             write_frame(self._recolored(FORMATS[kind]), picture, kind)
-        if self.options.layers:
+        if self._needs_layers:
             frame = self.model.with_edges(frame, self.edges)
             assert frame.palette_weights is not None
             palettes = extended_palettes(self.model.palettes, self.added)
@@ -123,11 +128,15 @@ class _Files:
         if self.edit is not None:
             suffix = suffix_for(finished.photo, self.options.jpeg)
             write_photo(self._recolored(suffix), finished.recolor(self.edit))
-        if self.options.layers:
+        if self._needs_layers:
             depth = self.model.render_field(self.model.working_camera(self.view)).depth
             self._layers(finished.layers(depth, self.added, self.edges))
 
     def _layers(self, layers: Layers) -> None:
+        if self.options.layered and self.edit is not None:
+            write_layered(self._recolored("_layered.exr"), layers, self.edit)
+        if not self.options.layers:
+            return
         name = self.options.layer_space
         space = None if name is None else color_space(name, self.options.ocio)
         write_layers(self._path("layers", ".exr"), layers, space)

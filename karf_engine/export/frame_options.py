@@ -38,6 +38,11 @@ class FrameOptions(Options):
     depth: bool = option("write depth/ too", False)
     unsure: bool = option("write unsure/ too: where objects' labels are unsure, white", False)
     layers: bool = option("write layers/ too (OpenEXR for compositors)", False)
+    layered: bool = option(
+        "with edit: write recolored pictures as layers to finish by hand too, <view>_layered.exr (OpenEXR: photo, "
+        "recolored, mask and change of each object)",
+        False,
+    )
     layer_space: str | None = option(
         "color space of the layers' base picture, by its name in the OpenColorIO configuration, in 32 bits (default: "
         "linear Rec. 709, in 16)",
