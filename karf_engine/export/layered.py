@@ -36,7 +36,7 @@ def write_layered(path: Path, layers: Layers, edit: Edit) -> None:
     planes = _colors("photo.", light)
     for k, each in enumerate(objects):
         name, n_colors = each.coverage.removesuffix("_coverage"), len(each.colors)
-        change = (edit.colors[each.name] - each.colors) * np.float32(each.gains)
+        change = (edit.colors[each.name] - each.colors) * np.array(each.gains, np.float32)
         shown += np.einsum("mhw,mc->hwc", layers.palette_weights[k, :n_colors].astype(np.float32), change)
         before, light = light, srgb_to_linear(shown.clip(0, 1))
         planes |= _colors(f"{name}_change.", light - before)
