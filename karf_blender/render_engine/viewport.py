@@ -81,6 +81,8 @@ class Viewport:
             session.start_timer(_redraw_once_still)
             return
         self._asked = wanted, side
+        if self._shown is None:
+            self.message = translate("The engine prepares the first picture")
         query = options | {"camera": camera_to_json(camera.reduced(side))}
         queries.send(scene, camera_pixels.KIND, query, partial(self._take, self._asked), self._fail)
 

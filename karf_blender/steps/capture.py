@@ -59,7 +59,7 @@ def import_capture(
     if cameras.is_new(scene):
         scene.view_settings.view_transform = "Standard"
         remark = "The scene's view transform is now Standard, which shows colors as the photos have them."
-        capture = replace(capture, warnings=(*capture.warnings, remark))
+        capture = replace(capture, warnings=(remark, *capture.warnings))
     karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, rig)
     with displayed.batched(scene):
         if not is_known:

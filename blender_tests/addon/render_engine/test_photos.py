@@ -1,5 +1,7 @@
 """A rendered 3D View shows the render engine's picture, and no photo over it."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from ..conftest import MODULE
@@ -50,6 +52,15 @@ def test_rendered_view_during_a_job_says_that_it_waits(bpy, addon, learned, area
         busy.setattr(addon.viewport.runner, "is_running", lambda: True)
         shown._ask(bpy.context, bpy.context.view_layer.depsgraph)
     assert "waits for it" in shown.message
+
+
+def test_rendered_view_says_that_its_first_picture_is_on_the_way(bpy, addon, learned, area, monkeypatch):
+    context = SimpleNamespace(region=SimpleNamespace(width=60, height=30), region_data=area.spaces.active.region_3d)
+    monkeypatch.setattr(addon.viewport.queries, "send", lambda *given: None)
+    monkeypatch.setattr(addon.viewport, "_pinhole", lambda *given: addon.lens.pinhole(learned, learned.camera))
+    shown = addon.viewport.Viewport()
+    shown._ask(context, bpy.context.view_layer.depsgraph)
+    assert "first picture" in shown.message
 
 
 def test_extension_is_disabled_and_enabled_while_it_renders_the_view(bpy, addon, learned, area):
