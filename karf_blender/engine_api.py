@@ -4,7 +4,7 @@ from pathlib import Path
 
 from .. import karf_engine
 from ..karf_engine.api import render_bundle
-from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
+from ..karf_engine.capture import FORMATS, choose_views, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera, wrong_size_error
 from ..karf_engine.capture.capture import UNIT_GAINS, Capture, SparsePoints, View, masks_of_view
 from ..karf_engine.capture.distortion import distort, undistort_points_near, undistorted
@@ -20,6 +20,8 @@ from ..karf_engine.errors import (
     MissingDependency,
     error_from_code,
 )
+from ..karf_engine.export.file_names import KINDS, file_paths, named, tokens_of
+from ..karf_engine.export.finished_frames import FinishedFrames, frame_fingerprint
 from ..karf_engine.export.layer_names import ObjectLayers, read_layer_names
 from ..karf_engine.export.scene_points import ScenePoints, read_points, write_points
 from ..karf_engine.io.color import ciede2000, lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear

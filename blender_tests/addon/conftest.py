@@ -26,7 +26,7 @@ MODULES = {
     "project": "captures disk folders image_paths moving",
     "pictures": "editors images photos sequences tints",
     "rig": "cameras lens reprojection",
-    "swatches": "colors overlays edits looks object_masks gestures palettes displayed solving views",
+    "swatches": "colors outputs overlays edits looks object_masks gestures palettes displayed solving views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
     "render_engine": "camera_pixels still viewport",
     "steps": "masks preview splats",
@@ -62,6 +62,7 @@ def addon(bpy, monkeypatch):
         package = f"{MODULE}.karf_blender.{folder}".rstrip(".")
         for name in names.split():
             setattr(modules, name, importlib.import_module(f"{package}.{name}"))
+    modules.render_photos = importlib.import_module(f"{MODULE}.karf_blender.render_engine.photos")
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
     monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)
     yield modules

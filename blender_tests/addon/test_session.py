@@ -66,9 +66,10 @@ def test_draw_handlers_are_added_and_removed(addon, session):
     assert not drawn
 
 
-def test_each_file_subscribes_to_scenes_clicks_and_sidebars(bpy, addon, session, monkeypatch):
+def test_each_file_subscribes_to_scenes_clicks_sidebars_and_shading(bpy, addon, session, monkeypatch):
     sidebars = {("SpaceView3D", "show_region_ui"), ("SpaceImageEditor", "show_region_ui"), ("Area", "ui_type")}
-    expected = {("Window", "scene"), ("LayerObjects", "active"), *sidebars}
+    shading = {("View3DShading", "type"), ("RenderSettings", "engine")}
+    expected = {("Window", "scene"), ("LayerObjects", "active"), *sidebars, *shading}
     subscribed, owners = set(), set()
 
     def subscribe(key, owner, args, notify):

@@ -11,7 +11,7 @@ from ..engine import failures, installing
 from ..engine_api import KarfError
 from ..host import windows
 from ..host.words import translatable, translate_error, translate_report
-from ..project import disk
+from ..project import disk, folders
 from ..tasks import runner
 
 Need = Callable[[bpy.types.Context], str]  # returns why an operator cannot run, "" if it can
@@ -86,7 +86,7 @@ class StepOperator:
     @reports_errors
     def execute(self, context):
         result = self.step(context)
-        if isinstance(result, str):
+        if isinstance(result, str) and result:
             self.report({"INFO"}, result)
         elif result and result.requests:
             runner.launch(result)
@@ -126,6 +126,8 @@ class SaveFileOperator(OpenFileOperator):
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
     def invoke(self, context, event):
+        if not self.properties.is_property_set("filepath"):  # else Blender proposes the .blend itself
+            self.filepath = str(folders.likely_folder(context.scene) / self.filepath)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 

@@ -5,8 +5,19 @@ from bpy.props import StringProperty
 
 from .. import progress, steps
 from ..host.words import translate_report
+from ..rig import cameras
 from ..steps import preview
-from .base import CAMERA, GEOMETRY, PROJECT, OpenFileOperator, SaveFileOperator, StepOperator, file_filter, need
+from .base import (
+    CAMERA,
+    GEOMETRY,
+    PROJECT,
+    OpenFileOperator,
+    SaveFileOperator,
+    StepOperator,
+    Undoable,
+    file_filter,
+    need,
+)
 
 
 def view_from_camera(area, colored_points: bool = False) -> None:
@@ -16,6 +27,7 @@ def view_from_camera(area, colored_points: bool = False) -> None:
         view.region_3d.view_perspective = "CAMERA"
         # the lines from all cameras to their Empty would cover the photo
         view.overlay.show_relationship_lines = False
+        cameras.turn_about(view.region_3d, bpy.context.scene)
         if colored_points:
             view.shading.color_type = "VERTEX"
 
@@ -46,7 +58,23 @@ class KARF_OT_leave_view(StepOperator, bpy.types.Operator):
     def step(self, context):
         steps.leave_view(context.scene)
         if context.area is not None and context.area.type == "VIEW_3D":
-            context.space_data.region_3d.view_perspective = "PERSP"
+            view = context.space_data.region_3d
+            view.view_perspective = "PERSP"
+            cameras.turn_about(view, context.scene)
+
+
+class KARF_OT_new_camera(Undoable, bpy.types.Operator):
+    """Add a camera, free to move, that sees what this 3D View sees, and make it the scene's"""
+
+    bl_idname = "karf.new_camera"
+    bl_label = "New Camera from View"
+    needs = (need("Press it in a 3D View", lambda context: getattr(context, "region_data", None)),)
+
+    def step(self, context):
+        view, space = context.region_data, context.space_data
+        camera = cameras.add_free(context.scene, view.view_matrix, space.lens)
+        view.view_perspective = "CAMERA"
+        return translate_report("{name} is now the scene's camera", name=camera.name)
 
 
 class KARF_OT_export_cameras(SaveFileOperator, bpy.types.Operator):

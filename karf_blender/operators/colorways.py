@@ -22,6 +22,7 @@ from .base import (
     need,
     reports_errors,
 )
+from .render import draw_output
 
 WHAT_ITEMS = [
     ("CAPTURE", "Captured Views", "Recolor each photo with every look"),
@@ -135,7 +136,7 @@ class VariantsOperator(StepOperator):
     views: StringProperty(
         name="Views",
         default="all",
-        description="all, train, test, names separated by commas, or the path of a camera file",
+        description="all, train, test, names and ranges (0000-0007) separated by commas, or the path of a camera file",
     )
 
 
@@ -160,6 +161,7 @@ class KARF_OT_render_looks(VariantsOperator, bpy.types.Operator):
             layout.prop(self, "views")
         else:
             layout.prop(context.scene, "camera")
+        draw_output(layout.column(), context.scene.karf)
 
     def step(self, context):
         of_camera = self.what == "CAMERA"

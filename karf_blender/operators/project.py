@@ -12,6 +12,7 @@ from ..host import windows
 from ..host.words import translate, translate_report
 from ..project import folders, moving
 from ..steps import masks
+from ..swatches import outputs
 from ..workspace import opening
 from .base import IDLE, PROJECT, StepOperator, need
 
@@ -91,7 +92,7 @@ def _folder_of(scene: bpy.types.Scene, kind: str) -> Path:
     if kind == "written":
         return Path(progress.state().folder)
     frames = folders.place_of(scene, "frames") if kind == "frames" else None
-    return frames or folders.out_folder(scene)
+    return outputs.folder_of(frames) if frames else folders.out_folder(scene)
 
 
 class KARF_OT_open_manual(StepOperator, bpy.types.Operator):

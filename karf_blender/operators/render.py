@@ -8,6 +8,7 @@ from ..engine_api import FarmOptions, bounds_of
 from ..host.words import translatable, translate_report
 from ..project import folders
 from ..properties.scene import FORMAT_DEPTHS
+from ..swatches import outputs
 from ..tasks import runner
 from .base import GEOMETRY, IDLE, PALETTES, PROJECT, StepOperator, Undoable, need
 
@@ -31,13 +32,20 @@ class RenderDialog(StepOperator):
         layout = self.layout
         layout.use_property_split, layout.use_property_decorate = True, False
         self.draw_what(layout, context)
-        column = layout.column()
-        column.prop(context.scene.karf, "out")
-        column.prop(context.scene.karf, "skip_existing")
+        draw_output(layout.column(), context.scene.karf)
 
 
-def _recolor_folder(scene):
-    return folders.out_folder(scene) / "recolor"
+def draw_output(layout, karf):
+    """Draw where pictures go, and what becomes of those that are there."""
+    for name in ("out", "file_names", "layered", "skip_existing", "overwrite"):
+        layout.prop(karf, name)
+    layout.label(text=outputs.shown_path(karf.id_data), icon="FILE_IMAGE", translate=False)
+
+
+def launched(scene, task):
+    """Launch a task of pictures, and return a report of where they will be."""
+    runner.launch(task)
+    return translate_report("Pictures will be in {path}", path=outputs.folder_of(folders.place_of(scene, "frames")))
 
 
 def _draw_size(layout, karf):
@@ -61,8 +69,7 @@ class KARF_OT_render_view(RenderDialog, bpy.types.Operator):
 
     def step(self, context):
         if preferences.has_engine():
-            runner.launch(steps.render_view(context.scene))
-            return translate_report("The picture will be in {path}", path=_recolor_folder(context.scene))
+            return launched(context.scene, steps.render_view(context.scene))
         sentence = translatable("Without the engine, only the preview was written: {path}")
         self.report({"WARNING"}, translate_report(sentence, path=steps.save_shown(context.scene)))
 
@@ -76,7 +83,8 @@ class KARF_OT_render_capture(RenderDialog, bpy.types.Operator):
 
     split: EnumProperty(name="Views", items=SPLIT_ITEMS)
     views: StringProperty(
-        name="Names", description="Names of views, separated by commas. Empty: all views chosen above"
+        name="Names",
+        description="Names of views and ranges (0000-0007), separated by commas. Empty: all views chosen above",
     )
 
     def draw_what(self, layout, context):
@@ -85,8 +93,7 @@ class KARF_OT_render_capture(RenderDialog, bpy.types.Operator):
         _draw_size(layout, context.scene.karf)
 
     def step(self, context):
-        runner.launch(steps.render_captured(context.scene, self.views or self.split.lower()))
-        return translate_report("Pictures will be in {path}", path=_recolor_folder(context.scene))
+        return launched(context.scene, steps.render_captured(context.scene, self.views or self.split.lower()))
 
 
 class CameraDialog(RenderDialog):
@@ -144,8 +151,7 @@ class KARF_OT_render_camera(CameraDialog, bpy.types.Operator):
 
     def step(self, context):
         scene = context.scene
-        runner.launch(steps.render_sequence(scene, scene.camera, self.frames(scene)))
-        return translate_report("Pictures will be in {path}", path=steps.camera_folder(scene) / "recolor")
+        return launched(scene, steps.render_sequence(scene, scene.camera, self.frames(scene)))
 
 
 class KARF_OT_farm_bundle(CameraDialog, bpy.types.Operator):
@@ -235,6 +241,17 @@ class KARF_OT_rendered_view(StepOperator, bpy.types.Operator):
     def step(self, context):
         areas = context.screen.areas if context.screen else ()
         steps.use_engine(context.scene, [area.spaces.active for area in areas if area.type == "VIEW_3D"])
+        return translate_report("A KaRF job is running: the view waits for it") if runner.is_running() else ""
+
+
+class KARF_OT_standard_colors(Undoable, bpy.types.Operator):
+    """Set the scene's view transform to Standard, which shows photos and renders in the colors of their files"""
+
+    bl_idname = "karf.standard_colors"
+    bl_label = "Show Photo Colors"
+
+    def step(self, context):
+        steps.use_standard(context.scene)
 
 
 class KARF_OT_over_scene(Undoable, bpy.types.Operator):

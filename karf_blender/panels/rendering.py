@@ -2,10 +2,12 @@
 
 import bpy
 
+from .. import steps
 from ..host.words import draw_text, translatable
 from ..render_engine.engine import NAME
 from ..steps import preview
 from ..surface import scene_object, splat_objects
+from ..swatches import outputs
 from .display import draw_advanced, draw_space
 from .splats import draw_splats
 
@@ -16,8 +18,11 @@ def draw_render(layout, context):
     row = layout.row(align=True)
     row.prop(karf, "out")
     row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "out"
+    layout.prop(karf, "file_names")
+    layout.label(text=outputs.shown_path(karf.id_data), icon="FILE_IMAGE", translate=False)
     column = layout.column(align=True)
     column.operator("karf.render_view", text="This View", icon="IMAGE_DATA")
+    column.operator("karf.render_looks", text="All Looks", icon="COLOR")
     column.operator("karf.render_capture", text="Captured Views", icon="RENDERLAYERS")
     column.operator("karf.render_camera", text="Camera's Frames", icon="RENDER_ANIMATION")
     for name, title, draw_group in GROUPS:
@@ -34,6 +39,9 @@ def _draw_views(layout, karf):
     draw_splats(layout, karf.id_data)
     column = layout.column(align=True)
     column.operator("karf.rendered_view", icon="SHADING_RENDERED")
+    if karf.id_data.view_settings.view_transform not in steps.STANDARD:
+        column.operator("karf.standard_colors", icon="COLOR")
+    column.operator("karf.new_camera", icon="OUTLINER_OB_CAMERA")
     column.prop(karf, "fade_unseen")
     column.operator("karf.over_scene", icon="MOD_BOOLEAN")
     column.operator("karf.export_splat", icon="EXPORT")
@@ -58,7 +66,6 @@ def _draw_sequence(layout, karf):
 def _draw_colorways(layout, karf):
     column = layout.column(align=True)
     column.operator("karf.colorways", icon="COLOR")
-    column.operator("karf.render_looks", icon="RENDER_ANIMATION")
     column.operator("karf.export_page", icon="URL")
 
 

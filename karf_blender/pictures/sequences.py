@@ -15,13 +15,18 @@ NAME = f"{editors.PREFIX} frames"
 SUFFIXES = (".png", ".tif", ".exr", ".jpg")  # suffixes of pictures that the engine writes
 
 
-def files_in(folder: Path, names: Sequence[str] | None = None) -> list[Path]:
-    """Return the newest picture of each name in a folder, which need not exist, sorted or in the order of `names`."""
-    found: dict[str, Path] = {}
-    for path in sorted(folder.glob("*"), key=lambda path: path.stat().st_mtime_ns):
-        if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
-            found[path.stem] = path
-    return [found[name] for name in (sorted(found) if names is None else names) if name in found]
+def files_in(folder: Path) -> list[Path]:
+    """Return the newest picture of each name in a folder, which need not exist, sorted."""
+    stems = {
+        path.stem for path in folder.glob("*") if path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+    }
+    return [path for stem in sorted(stems) if (path := newest(folder / stem)) is not None]
+
+
+def newest(stem: Path) -> Path | None:
+    """Return the newest picture with this path without suffix."""
+    paths = [path for suffix in SUFFIXES if (path := stem.with_name(stem.name + suffix)).is_file()]
+    return max(paths, key=lambda path: path.stat().st_mtime_ns, default=None)
 
 
 def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types.Image:

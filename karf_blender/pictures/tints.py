@@ -9,7 +9,8 @@ from .. import session
 from ..engine_api import hex_to_rgb, rgb_to_hex
 
 # the nearest two differ by CIEDE2000 17; the first five by 34
-TINTS = ("#ff4b4b", "#3aa8ff", "#ffd23a", "#4be08a", "#c873ff", "#ff9a3a", "#3ae0e0", "#ff7ac8")
+# blue is first: it shows on red and brown, the commonest colors of things
+TINTS = ("#3aa8ff", "#ff4b4b", "#ffd23a", "#4be08a", "#c873ff", "#ff9a3a", "#3ae0e0", "#ff7ac8")
 ICON_SIDE = 16
 
 

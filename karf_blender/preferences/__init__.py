@@ -94,7 +94,7 @@ def _draw_engine(layout):
         size = f", {size_text(used)}" if used else ""
         draw_text(layout, f"{engine.folder}{size}", "BLANK1", WIDTH)
     error = installing.last_error()
-    if error and not isinstance(error, Cancelled):  # who has cancelled knows it
+    if error and managed.state != READY and not isinstance(error, Cancelled):  # who has cancelled knows it
         column = layout.column(align=True)
         column.alert = True
         draw_text(column, error.sentence, "CANCEL", WIDTH)

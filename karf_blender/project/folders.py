@@ -88,6 +88,11 @@ def likely_project(scene: bpy.types.Scene) -> Path:
     return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.utils.extension_path_user(extension))
 
 
+def likely_folder(scene: bpy.types.Scene) -> Path:
+    """Return the folder that a file dialog opens: that of the .blend, or else of the scene's results."""
+    return Path(bpy.data.filepath).parent if bpy.data.filepath else likely_project(scene)
+
+
 def relocated(path: str, old: Path, new: Path) -> str:
     """Return a stored path with its new place if it is in the moved folder; any other unchanged."""
     place = absolute(path) if path else None

@@ -18,6 +18,7 @@ def _pointers():
         (bpy.types.WindowManager, "karf_folding", PointerProperty(type=KARF_PG_folding)),
         (bpy.types.WindowManager, "karf_preview", PointerProperty(type=KARF_PG_preview)),
         (bpy.types.Object, "karf_hidden", BoolProperty(name="Hidden by KaRF")),
+        (bpy.types.Object, "karf_photo_hidden", BoolProperty(name="Photo hidden by KaRF")),
         (bpy.types.Object, "karf_view", StringProperty(name="KaRF view", description="Captured view of this camera")),
     )
     for owner, name, declared in added:

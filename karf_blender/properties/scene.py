@@ -18,7 +18,7 @@ from ..host.compat import PATH_OPTIONS
 from ..marking import mask_layers, objects, photo
 from ..project import disk, folders
 from ..rig import cameras, reprojection
-from ..swatches import displayed, palettes
+from ..swatches import displayed, outputs, palettes
 from .colors import srgb
 from .swatches import KARF_PG_look, KARF_PG_match, KARF_PG_object, edit_changed
 
@@ -210,7 +210,22 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         update=_masks_chosen,
     )
     out: PathProperty(name="Output", description="Folder for pictures. Empty: the folder out in the project")
-    frames: PathProperty(name="Frames", description="Folder of the last rendered frames")
+    frames: PathProperty(name="Frames", description="Path of the last rendered frames, or their folder")
+    file_names: StringProperty(
+        name="File Names",
+        default=outputs.DEFAULT,
+        description="Path of pictures in the output folder, without suffix: {look}, {view}, {scene}, and {frame}, the "
+        "number at the end of the view's name. A camera's frames are below cameras/<camera>",
+    )
+    layered: BoolProperty(
+        name="Layered File",
+        description="Write each picture as layers too, to finish by hand: OpenEXR with the photo, the recolored picture, "
+        "and each object's mask and change",
+    )
+    overwrite: BoolProperty(
+        name="Overwrite",
+        description="Write over pictures of another look or of other swatches. Off: use the next free name",
+    )
     captured_size: EnumProperty(name="Size", items=SIZE_ITEMS, description="File format of recolored photos")
     captured_pixels: IntProperty(
         name="Long Side",

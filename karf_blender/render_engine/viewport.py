@@ -14,7 +14,7 @@ from mathutils import Matrix
 from .. import session
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, srgb_to_linear
 from ..host import windows
-from ..host.words import translate_error
+from ..host.words import translate, translate_error
 from ..rig import lens
 from ..tasks import queries, runner
 from . import camera_pixels
@@ -59,6 +59,7 @@ class Viewport:
     def _ask(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         if runner.is_running():
             self._wanted, self._shown = "", None  # the task changes the picture, and needs all cores
+            self.message = translate("A KaRF job is running: the view waits for it")
             return
         scene = depsgraph.scene
         camera = _pinhole(context, depsgraph)
@@ -80,6 +81,8 @@ class Viewport:
             session.start_timer(_redraw_once_still)
             return
         self._asked = wanted, side
+        if self._shown is None:
+            self.message = translate("The engine prepares the first picture")
         query = options | {"camera": camera_to_json(camera.reduced(side))}
         queries.send(scene, camera_pixels.KIND, query, partial(self._take, self._asked), self._fail)
 

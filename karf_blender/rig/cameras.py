@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from ..engine_api import BadRequest, Capture, DataError, SparsePoints, View
 from ..nodes import add, feed, shadeless_material
@@ -19,6 +19,8 @@ POINT_SIZE = 0.002  # radius of a sparse point, in units of the rig's extent
 CLIP_START, CLIP_END = 0.001, 1000.0
 ARBITRARY_WORLDS = ("llff", "colmap")  # formats without a known up axis
 UP_WEIGHT = 0.01  # weight of the cameras' up axes, which decide if their right axes do not
+LEAST_TURN = 1e-3  # mean squared sine of the angles between optical axes that meet in a point
+FREE_NAME = "KaRF camera"
 PICTURE = ("resolution_x", "resolution_y", "resolution_percentage", "pixel_aspect_x", "pixel_aspect_y")
 
 
@@ -81,7 +83,13 @@ def _camera(
     camera.karf_view = view.name
     camera.parent = parent
     camera.matrix_local = Matrix(view.camera.camera_to_world.tolist())
+    _lock(camera)
     return camera
+
+
+def _lock(camera: bpy.types.Object) -> None:
+    """Keep a captured camera where its photo was taken."""
+    camera.lock_location = camera.lock_rotation = camera.lock_scale = (True, True, True)
 
 
 def _images_by_path() -> dict[Path, bpy.types.Image]:
@@ -102,6 +110,13 @@ def _set_background(data: bpy.types.Camera, image: bpy.types.Image) -> None:
     background = data.background_images.new()
     background.image, background.alpha = image, 1.0
     background.frame_method, background.display_depth = "STRETCH", "BACK"
+
+
+def is_new(scene: bpy.types.Scene) -> bool:
+    """Tell whether nobody has set up a scene: it has a new file's objects, or none, and a new file's colors."""
+    view = scene.view_settings
+    are_default = view.view_transform == "AgX" and view.look == "None" and (view.exposure, view.gamma) == (0, 1)
+    return are_default and scene.karf.rig is None and set(scene.objects.keys()) <= {"Camera", "Cube", "Light"}
 
 
 def _untouched_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
@@ -133,7 +148,7 @@ def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
 def lacks_background(scene: bpy.types.Scene, view: View) -> bool:
     """Return whether a view's camera should have its photo behind it, and has none."""
     data = camera_of(scene, view.name).data
-    is_wanted = data.show_background_images and not data.background_images
+    is_wanted = _camera_shows_photo(camera_of(scene, view.name)) and not data.background_images
     return is_wanted and view.image is not None and view.image.exists()
 
 
@@ -142,12 +157,28 @@ def add_background(scene: bpy.types.Scene, view: str, photo: Path) -> None:
     _set_background(camera_of(scene, view).data, _load(photo, _images_by_path()))
 
 
+def _camera_shows_photo(camera: bpy.types.Object) -> bool:
+    return camera.data.show_background_images or camera.karf_photo_hidden
+
+
+def hide_photos(scene: bpy.types.Scene, are_hidden: bool) -> None:
+    """Hide the photos behind the rig's cameras, or show again what this has hidden."""
+    for camera in scene.karf.rig.children if scene.karf.rig else ():
+        if camera.type != "CAMERA" or camera.library or camera.data.library:
+            continue
+        if are_hidden and camera.karf_view and camera.data.show_background_images:
+            camera.karf_photo_hidden, camera.data.show_background_images = True, False
+        elif camera.karf_photo_hidden and not are_hidden:
+            camera.karf_photo_hidden, camera.data.show_background_images = False, True
+
+
 # --- viewing through a camera --------------------------------------------------------------------------------------
 def look_through(scene: bpy.types.Scene, view: View) -> None:
     """Make a view's camera the scene's, with its photo's picture; remember what the scene had before."""
     looking, camera = scene.karf.looking, camera_of(scene, view.name)
     if not looking.is_on:
         looking.is_on, looking.camera, looking.before = True, scene.camera, _picture(scene)
+    _lock(camera)  # earlier versions did not
     scene.camera = camera
     lens.set_picture(scene, view.camera)
     looking.during = _picture(scene)
@@ -226,6 +257,53 @@ def _balls(radius: float) -> bpy.types.NodeTree:
     painted = add(group, "GeometryNodeSetMaterial", (6, 0), inputs)
     add(group, "NodeGroupOutput", (7, 0), [painted.outputs[0]])
     return group
+
+
+# --- views of the scene --------------------------------------------------------------------------------------------
+def add_free(scene: bpy.types.Scene, view_matrix: Matrix, viewport_lens: float) -> bpy.types.Object:
+    """Make a camera that sees what a 3D View sees, the scene's camera; it keeps the lens of one looked through."""
+    seen, matrix = scene.camera, view_matrix.inverted()
+    is_through = seen is not None and np.allclose(seen.matrix_world.normalized(), matrix, atol=1e-4)
+    data = seen.data.copy() if is_through else bpy.data.cameras.new(FREE_NAME)
+    data.name = FREE_NAME
+    data.background_images.clear()
+    if not is_through:
+        data.lens = viewport_lens / 2  # of a 3D View's sensor, twice as wide
+    camera = bpy.data.objects.new(FREE_NAME, data)
+    camera.matrix_world = matrix
+    scene.collection.objects.link(camera)
+    if scene.karf.looking.is_on:
+        leave(scene)
+    scene.camera = camera
+    return camera
+
+
+def turn_about(view: bpy.types.RegionView3D, scene: bpy.types.Scene) -> None:
+    """Let a 3D View turn about what the captured cameras look at; what it shows stays."""
+    focus = _focus(scene)
+    if focus is None:
+        return
+    if view.view_perspective == "CAMERA":
+        view.view_location = focus  # Blender takes its depth when the camera is left
+        return
+    back = view.view_rotation @ Vector((0, 0, 1))
+    eye = view.view_location + view.view_distance * back
+    distance = (eye - focus).dot(back)
+    if distance > 0:
+        view.view_distance, view.view_location = distance, eye - distance * back
+
+
+def _focus(scene: bpy.types.Scene) -> Vector | None:
+    """Return the point nearest to the optical axes of all captured cameras; None where they are almost parallel."""
+    cameras = [camera for camera in scene.karf.rig.children if camera.karf_view] if scene.karf.rig else []
+    poses = np.array([(scene.karf.rig.matrix_world @ camera.matrix_basis).normalized() for camera in cameras])
+    if not len(poses):
+        return None
+    across = np.eye(3) - poses[:, :3, 2, None] * poses[:, None, :3, 2]  # a projection onto each picture's plane
+    total = across.sum(0) / len(poses)
+    if np.linalg.eigvalsh(total)[0] < LEAST_TURN:
+        return None
+    return Vector(np.linalg.solve(total, (across @ poses[:, :3, 3, None]).mean(0)[:, 0]))
 
 
 # --- the capture's world in Blender's ------------------------------------------------------------------------------

@@ -58,6 +58,7 @@ from .masks import (
 )
 from .preview import preview_camera
 from .render import (
+    STANDARD,
     add_strip,
     camera_folder,
     export_cameras,
@@ -71,6 +72,7 @@ from .render import (
     save_shown,
     show_frames,
     use_engine,
+    use_standard,
 )
 from .scene_nodes import build_compositor, export_scene, place_layers, place_points, show_scene
 from .splats import export_splat, follow_splat, unfollow_splat

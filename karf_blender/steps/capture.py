@@ -56,6 +56,10 @@ def import_capture(
         project.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         capture = replace(capture, warnings=(*capture.warnings, f"{project} cannot be made: {error.strerror}."))
+    if cameras.is_new(scene):
+        scene.view_settings.view_transform = "Standard"
+        remark = "The scene's view transform is now Standard, which shows colors as the photos have them."
+        capture = replace(capture, warnings=(remark, *capture.warnings))
     karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, rig)
     with displayed.batched(scene):
         if not is_known:

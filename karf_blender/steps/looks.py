@@ -6,16 +6,24 @@ from pathlib import Path
 import bpy
 
 from .. import progress
-from ..engine_api import BadRequest, Edit, Message, PlannedColorway, plan_colorways, write_edit, write_json
-from ..project import folders
+from ..engine_api import (
+    BadRequest,
+    Edit,
+    Message,
+    PlannedColorway,
+    choose_views,
+    file_name,
+    plan_colorways,
+    write_edit,
+    write_json,
+)
+from ..project import captures, folders
 from ..render_engine import camera_pixels
-from ..swatches import colors, edits, looks
+from ..swatches import colors, edits, looks, outputs
 from ..tasks.runner import Task
 from . import requests
 from .render import camera_folder, export_cameras
 from .swatches import save_edit
-
-NOT_KEPT = "Recolored"  # name of the swatches on a page, where the scene has no looks
 
 
 def keep_look(scene: bpy.types.Scene, name: str = "") -> str:
@@ -53,19 +61,23 @@ def move_look(scene: bpy.types.Scene, name: str, by: int) -> None:
 def render_looks(
     scene: bpy.types.Scene, views: str = "all", of_camera: bool = False, out: str | Path | None = None
 ) -> Task:
-    """Write every look as `colorways` does, a folder each; `of_camera`: in the frames of the scene's camera."""
+    """Write every look by the scene's File Names, as `colorways` does; `of_camera`: of the scene's camera's frames."""
     if not len(scene.karf.looks):
         raise BadRequest("The scene has no looks.", "Keep one first.")
+    if "{look}" not in scene.karf.file_names:
+        raise BadRequest("The pictures of all looks would have the same names.", "Add {look} to File Names.")
     out = Path(out).absolute() if out else looks_folder(scene, of_camera)
-    sheet = _write_looks(out, {look.name: looks.edit_of(look) for look in scene.karf.looks})
     if of_camera:
         views = str(export_cameras(scene, out / "cameras.json"))
-    return colorways(scene, sheet, views, out)
+    names = [view.name for view in choose_views(captures.of(scene), views)[0]]
+    made_by = {look.name: looks.edit_of(look) for look in scene.karf.looks}
+    free = {outputs.free_look(scene, out, names, [edit], look): edit for look, edit in made_by.items()}
+    return colorways(scene, _write_looks(out, free), views, out, outputs.pattern_of(scene))
 
 
 def _write_looks(folder: Path, edits: Mapping[str, Edit]) -> Path:
     """Write edits by name as a sheet of colorways; return its file."""
-    rows = [{"colorway": name, "edit": f"edits/{number}.json"} for number, name in enumerate(edits, 1)]
+    rows = [{"colorway": name, "edit": f"edits/{file_name(name)}.json"} for name in edits]
     for row, edit in zip(rows, edits.values(), strict=True):
         write_edit(folder / row["edit"], edit)
     write_json(folder / "looks.json", rows)
@@ -97,7 +109,7 @@ def export_page(
     if logo:
         options["logo"] = str(Path(logo).absolute())
     if karf.objects:
-        shown = {look.name: looks.edit_of(look) for look in karf.looks} or {NOT_KEPT: edits.current_edit(scene)}
+        shown = {look.name: looks.edit_of(look) for look in karf.looks} or {outputs.NOT_KEPT: edits.current_edit(scene)}
         options["sheet"] = str(_write_looks(folders.project_of(scene).path("page"), shown))
     finish = requests.presenting(lambda _: None, Message("The web page is in {path}.", path=out), out)
     return requests.task(
@@ -111,8 +123,8 @@ def page_folder(scene: bpy.types.Scene) -> Path:
 
 
 def looks_folder(scene: bpy.types.Scene, of_camera: bool = False) -> Path:
-    """Where pictures of the looks go: beside colorways, those of a camera beside its frames."""
-    return camera_folder(scene) / "looks" if of_camera else folders.out_folder(scene) / "colorways" / "looks"
+    """Where pictures of the looks go, in paths by the scene's File Names."""
+    return camera_folder(scene) if of_camera else folders.out_folder(scene)
 
 
 def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[PlannedColorway, ...]:
@@ -133,16 +145,22 @@ def _locked_options(scene: bpy.types.Scene) -> list[str]:
     return [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
 
 
-def colorways(scene: bpy.types.Scene, sheet: str | Path, views: str = "all", out: str | Path | None = None) -> Task:
+def colorways(
+    scene: bpy.types.Scene,
+    sheet: str | Path,
+    views: str = "all",
+    out: str | Path | None = None,
+    names: str = "{look}/{view}",
+) -> Task:
     """Have the engine write every colorway of a sheet (docs/files.md) in every view, with a table and a contact sheet.
 
-    The views are `all`, `train`, `test`, names with commas, or the path of a camera file. Pictures that would come out
-    the same are kept. The task's result is the colorways, each with its edit and the predicted colors.
+    The views are `all`, `train`, `test`, names and ranges with commas, or a camera file's path. Pictures that would come out
+    the same are kept; `names` are their paths. The task's result is the colorways, each with its edit and the predicted colors.
     """
     sheet = Path(sheet).absolute()
     planned = predict_colorways(scene, sheet)  # a wrong sheet is reported now, and not by a job
     out = Path(out).absolute() if out else colorways_folder(scene, sheet)
-    options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": _locked_options(scene)}
+    options = {"sheet": str(sheet), "views": views, "out": str(out), "names": names, "locked": _locked_options(scene)}
     light = colors.reference_light(scene)
     if light is not None:
         options["light"] = light.matrix.ravel().tolist()

@@ -9,13 +9,28 @@ from tempfile import TemporaryDirectory
 import bpy
 
 from .. import compositor, progress
-from ..engine_api import BadRequest, Message, open_capture, render_bundle, write_cameras, write_edit
+from ..engine_api import (
+    BadRequest,
+    FinishedFrames,
+    Message,
+    choose_views,
+    named,
+    open_capture,
+    read_edit_file,
+    render_bundle,
+    tokens_of,
+    write_cameras,
+    write_edit,
+)
 from ..host import compat
 from ..pictures import images, sequences
-from ..project import folders
+from ..project import captures, folders
+from ..render_engine import photos
 from ..render_engine.engine import NAME
+from ..rig import cameras
 from ..rig.lens import build_animation, file_name, frames_of
-from ..swatches import displayed, edits
+from ..swatches import displayed, edits, outputs
+from ..swatches.colors import palettes as palettes_of
 from ..tasks.runner import Task
 from . import requests
 from .swatches import save_edit
@@ -27,18 +42,21 @@ COPIED = "resolution_x resolution_y resolution_percentage pixel_aspect_x pixel_a
 # --- captured views ------------------------------------------------------------------------------------------------
 def save_shown(scene: bpy.types.Scene) -> Path:
     """Write the active view as it is shown, a preview of the photo, as PNG without the engine; returns its path."""
-    colors = images.upright(displayed.of(scene).edited())
-    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"  # where the engine writes it too
+    colors, out, view = images.upright(displayed.of(scene).edited()), folders.out_folder(scene), scene.karf.active_view
+    edit = edits.current_edit(scene)
+    pattern = outputs.pattern_of(scene, outputs.free_look(scene, out, [view], [edit]))
+    name = named(pattern, tokens_of(view))
+    path = out / f"{name}.png"  # where the engine writes it too
     images.write_png(path, colors)
+    FinishedFrames(out).record(name, "preview", [path], outputs.as_read(scene, edit))
     progress.wrote(path.parent)
     return path
 
 
 def render_view(scene: bpy.types.Scene, size: str | int | None = None) -> Task:
     """Recolor the active view on its photo; `size` as of `render_captured`. The task's result is the picture's path."""
-    view = scene.karf.active_view
-    task = _captured_task(scene, "This View", view, size)
-    return replace(task, result=lambda: sequences.files_in(task.result(), [view])[0])
+    task = _captured_task(scene, "This View", scene.karf.active_view, size)
+    return replace(task, result=lambda: _frames_in(scene, None)[0])
 
 
 def render_captured(
@@ -50,7 +68,7 @@ def render_captured(
 ) -> Task:
     """Recolor captured views on their photos, in the folder that is the task's result. Choices become the panel's.
 
-    The views are `all`, `train`, `test` or names with commas; `skip_existing` keeps pictures that would come out the
+    The views are `all`, `train`, `test`, or names and ranges (`0000-0007`) with commas; `skip_existing` keeps pictures that would come out the
     same. The size `photo` is all pixels of the photos, in files of their kind (PNG, TIFF or EXR), `learned` what was
     learned from, and a number the long side in pixels.
     """
@@ -69,19 +87,24 @@ def _captured_task(scene: bpy.types.Scene, title: str, views: str, size: str | i
     karf, out = scene.karf, folders.out_folder(scene)
     if size is None:
         size = karf.captured_pixels if karf.captured_size == "PIXELS" else karf.captured_size.lower()
-    save_edit(scene, out / "edit.json")
-    job = requests.pictures(scene, views, str(out / "edit.json"), out, "photo", size)
+    requests.check_palettes(scene)
+    names = [view.name for view in choose_views(captures.of(scene), views)[0]]
+    look = outputs.free_look(scene, out, names, [edits.current_edit(scene)])
+    edit = out / "edits" / f"{look}.json"
+    save_edit(scene, edit)
+    job = requests.pictures(scene, views, str(edit), out, look, "photo", size)
     return _frames_task(scene, title, job, are_shown=False)  # what is shown previews them, and follows the swatches
 
 
 def _frames_task(scene: bpy.types.Scene, title: str, job: requests.Job, are_shown: bool) -> Task:
-    folder = Path(job[1]["out"]) / "recolor"
-    folders.store(scene, "frames", folder)
+    frames = Path(job[1]["out"]) / job[1]["names"]
+    folders.store(scene, "frames", frames)
+    folder = outputs.folder_of(frames)
 
     def present(found: bpy.types.Scene) -> None:
         progress.warn("The pictures are in {folder}.", folder=folder)
         if are_shown:
-            show_frames(found, folder, is_wanted=False)
+            show_frames(found, is_wanted=False)
 
     finish = requests.presenting(present, Message("The frames are in {folder}.", folder=folder), folder)
     return requests.task(scene, title, job, finish=finish, result=lambda: folder)
@@ -102,7 +125,10 @@ def render_sequence(
     _choose(scene, out, skip_existing)
     folder = camera_folder(scene, camera)
     cameras, files = write_sequence(scene, camera, frames, folder)
-    job = requests.pictures(scene, str(cameras), files, folder, "render")
+    views = [view.name for view in open_capture(cameras, photos=False).views]
+    made_by = {file: read_edit_file(Path(file), palettes_of(scene)) for file in files}
+    look = outputs.free_look(scene, folder, views, [made_by[file] for file in files])
+    job = requests.pictures(scene, str(cameras), files, folder, look, "render")
     return _frames_task(scene, "Camera's Frames", job, are_shown=True)
 
 
@@ -122,7 +148,7 @@ def farm_bundle(
     out = Path(out).absolute() if out else _free(folders.out_folder(scene) / "farm" / camera_folder(scene, camera).name)
     with TemporaryDirectory() as folder:
         cameras, files = write_sequence(scene, camera, frames, Path(folder))
-        _, options = requests.pictures(scene, str(cameras), files, out, "render")
+        _, options = requests.pictures(scene, str(cameras), files, out, "", "render")
         pictures = {name: options[name] for name in ("base", "format", "alpha")}
         project = folders.project_of(scene).folder
         return render_bundle(project, out, views=str(cameras), edit=files, per_task=per_task, python=python, **pictures)
@@ -212,24 +238,32 @@ def add_strip(scene: bpy.types.Scene, folder: str | Path | None = None) -> "bpy.
     return sequences.add_strip(scene, files, _first_frame(files), f"KaRF {files[0].parent.parent.name}")
 
 
+def use_standard(scene: bpy.types.Scene) -> None:
+    """Show colors as pictures store them, by the view transform Standard."""
+    scene.view_settings.view_transform = STANDARD[0]
+
+
 def warn_of_view_transform(scene: bpy.types.Scene) -> None:
     """Warn of a view transform that shows other colors in the compositor and the sequencer than the files have."""
     transform = scene.view_settings.view_transform
     if transform not in STANDARD:
         progress.warn(
-            "The view transform {transform} changes colors: choose Standard to show them unchanged.",
+            "The view transform {transform} changes colors: press Show Photo Colors to show them unchanged.",
             transform=transform,
         )
 
 
 def _frames_in(scene: bpy.types.Scene, folder: str | Path | None) -> list[Path]:
     """Return the pictures of a folder (None: those rendered last); of a camera's frames those of its last job alone."""
-    folder = Path(folder).absolute() if folder else folders.place_of(scene, "frames")
-    if folder is None:
+    frames = Path(folder).absolute() if folder else folders.place_of(scene, "frames")
+    if frames is None:
         raise BadRequest("No frames have been rendered yet.", "Render captured views or a camera's frames first.")
-    cameras = folder.parent / "cameras.json"
-    names = [view.name for view in open_capture(cameras, photos=False).views] if cameras.is_file() else None
-    files = sequences.files_in(folder, names)
+    folder = outputs.folder_of(frames)
+    if folder == frames:
+        files = sequences.files_in(folder)
+    else:
+        stems = [Path(named(str(frames), tokens_of(view))) for view in _views_of_frames(scene, frames)]
+        files = [path for stem in stems if (path := sequences.newest(stem)) is not None]
     if not files:
         raise BadRequest(
             "There are no frames in {folder}.", "Render captured views or a camera's frames first.", folder=folder
@@ -237,9 +271,21 @@ def _frames_in(scene: bpy.types.Scene, folder: str | Path | None) -> list[Path]:
     return files
 
 
+def _views_of_frames(scene: bpy.types.Scene, frames: Path) -> list[str]:
+    """Return the names of the views that rendered frames may show."""
+    cameras = _cameras_of(frames)
+    return scene.karf.views.keys() if cameras is None else [view.name for view in open_capture(cameras, False).views]
+
+
+def _cameras_of(frames: Path) -> Path | None:
+    """Return the file of the cameras that frames were rendered from, if they are no captured ones."""
+    found = (folder / "cameras.json" for folder in frames.parents if folder.parent.name == "cameras")
+    return next(filter(Path.is_file, found), None)
+
+
 def _first_frame(files: list[Path]) -> int:
     """The scene's frame of the first picture: a camera's frame says it, captured views begin with the first."""
-    return sequences.number_of(files[0]) if files[0].stem.startswith("frame_") else 1
+    return (sequences.number_of(files[0]) if _cameras_of(files[0]) else None) or 1
 
 
 # --- render engine -------------------------------------------------------------------------------------------------
@@ -248,6 +294,8 @@ def use_engine(scene: bpy.types.Scene, spaces: Iterable["bpy.types.SpaceView3D"]
     scene.render.engine = NAME
     for space in spaces:
         space.shading.type = "RENDERED"
+        cameras.turn_about(space.region_3d, scene)
+    photos.follow()
     warn_of_view_transform(scene)
 
 

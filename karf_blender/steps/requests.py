@@ -13,7 +13,7 @@ from ..marking import photo
 from ..pictures import editors
 from ..project import disk, folders
 from ..render_engine import camera_pixels
-from ..swatches import displayed, palettes
+from ..swatches import displayed, outputs, palettes
 from ..tasks.runner import Owner, Task
 from ..workspace import estimates
 
@@ -99,17 +99,28 @@ def threads() -> dict[str, int]:
 
 
 def pictures(
-    scene: bpy.types.Scene, views: str, edit: str | list[str], out: Path, base: str, size: str | int = "photo"
+    scene: bpy.types.Scene,
+    views: str,
+    edit: str | list[str],
+    out: Path,
+    look: str,
+    base: str,
+    size: str | int = "photo",
 ) -> Job:
-    """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`)."""
+    """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`).
+
+    look: the value of the token {look} of file names.
+    """
     karf = scene.karf
     return render(
         views,
         edit=edit,
         out=str(out),
+        names=outputs.pattern_of(scene, look),
         base=base,
         size=size,
         skip_existing=karf.skip_existing,
+        layered=karf.layered,
         format=FORMATS[karf.file_format][karf.color_depth],
         alpha=karf.color_mode == "RGBA",
         overrides=[] if base == "photo" else [f"render.unseen={camera_pixels.unseen(scene)}"],

@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import session
 from ..engine_api import UNIT_GAINS, ColorHistogram, DataError, KarfError, read_object_colors, read_planes
-from ..host import rendering
+from ..host import rendering, windows
 from ..pictures import editors, images
 from ..project import disk, folders
 from . import colors, object_masks, solving, views
@@ -93,7 +93,12 @@ class DisplayedScene:
 
     def _put(self, buffer: np.ndarray) -> bpy.types.Image:
         """Make an RGBA buffer [H, W, 4] the result image."""
-        self.scene.karf.result = _filled(self.scene.karf.result, RESULT_NAME, buffer)
+        karf, old = self.scene.karf, self.scene.karf.result
+        is_shared = any(other.karf.result == old for other in bpy.data.scenes if other != self.scene)  # a copied scene
+        karf.result = _filled(None if is_shared else old, RESULT_NAME, buffer)
+        for area in windows.areas("IMAGE_EDITOR") if is_shared else ():
+            if windows.window_of(area).scene == self.scene and area.spaces.active.image == old:
+                editors.show(area, karf.result)
         self.placeholder_key = views.placeholder_key(self.scene)
         self.load_masks()
         self.update_left()

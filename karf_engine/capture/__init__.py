@@ -6,6 +6,7 @@ package, adds a format.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -121,7 +122,7 @@ def register_format(added: Format) -> None:
 
 
 def choose_views(capture: Capture, wanted: str) -> tuple[list[View], bool]:
-    """Return the views of a split, `all`, of comma-separated names or of a CAMERAS.json; and False for the last.
+    """Return the views of a split, `all`, of comma-separated names and ranges, or of a CAMERAS.json; and False for the last.
 
     Raises DataError if a name is unknown or a split is empty.
     """
@@ -132,7 +133,20 @@ def choose_views(capture: Capture, wanted: str) -> tuple[list[View], bool]:
         return views, True
     if wanted.endswith(".json"):
         return list(open_capture(Path(wanted), photos=False).views), False
-    return [capture.view(name.strip()) for name in wanted.split(",")], True
+    return list(
+        {view.name: view for part in wanted.split(",") for view in _range(capture, part.strip())}.values()
+    ), True
+
+
+def _range(capture: Capture, wanted: str) -> Sequence[View]:
+    """Return the view of a name, or all from one name to another, as `0000-0007`; names may have a hyphen."""
+    places = {view.name: place for place, view in enumerate(capture.views)}
+    for hyphen in re.finditer("-", wanted if wanted not in places else ""):
+        ends = wanted[: hyphen.start()].strip(), wanted[hyphen.end() :].strip()
+        if all(name in places for name in ends):
+            first, last = sorted(places[name] for name in ends)
+            return capture.views[first : last + 1]
+    return [capture.view(wanted)]
 
 
 def slice_of_views(views: Sequence, first: int | None, last: int | None, count: int | None) -> slice:

@@ -2,7 +2,7 @@
 
 The colors are predicted and reported before rendering. Writes
 
-    OUT/<colorway>/<view>.png        the recolored view; photos keep their format .png, .tif or .exr
+    OUT/<colorway>/<view>.png        the recolored view; photos keep their format .png, .tif or .exr; by `names`
     OUT/colorways.csv                each color: target, prediction, measurement, CIEDE2000, and the reason for a miss
     OUT/views.csv                    the same for each view
     OUT/contact_sheet.png            a row for each colorway
@@ -30,6 +30,7 @@ from ..export.colorways import (
     write_table,
     write_view_table,
 )
+from ..export.file_names import file_paths, tokens_of
 from ..export.finished_frames import FinishedFrames, frame_fingerprint, model_fingerprint, view_fingerprint
 from ..palettes.calibration import ReferenceLight
 from ..palettes.colorways import PlannedColorway, plan_colorways
@@ -102,6 +103,10 @@ class _Renderer:
     ) -> None:
         self._job, self._model, self._planned, self._out, self._light = job, model, planned, options.out, light
         self._views, self._captured = choose_views(job.capture(), options.views)
+        keys = [(plan.colorway, view.name) for plan in planned for view in self._views]
+        tokens = [{"look": colorway.folder, **tokens_of(view)} for colorway, view in keys]
+        paths = file_paths(options.names, tokens)
+        self._paths = {(colorway.name, view): path for (colorway, view), path in zip(keys, paths, strict=True)}
         self._finished = FinishedFrames.read(options.out)
         self._mark, self._size = model_fingerprint(job.project, job.settings), options.size
 
@@ -118,12 +123,12 @@ class _Renderer:
             probes = ColorProbe(pictures)
             plans = [plan for plan in self._planned if plan.colorway.name in marks]
             for plan, picture in zip(plans, pictures.recolored([plan.edit for plan in plans]), strict=True):
-                path = self._out / plan.colorway.folder / f"{view.name}{pictures.suffix}"
+                path = self._out / f"{self._paths[plan.colorway.name, view.name]}{pictures.suffix}"
                 pictures.write(path, picture)
                 found = {p.target_color.name: probes.measure(picture, p) for p in plan.predictions}
                 measured = {name: values for name, values in found.items() if values is not None}
                 name = f"{plan.colorway.name}/{view.name}"
-                self._finished.record(name, marks[plan.colorway.name], [path], reached=measured)
+                self._finished.record(name, marks[plan.colorway.name], [path], plan.edit, reached=measured)
                 progress.step()
         warn_of_disputes(disputed, self._job.emit)
         self._finished = FinishedFrames.read(self._out)

@@ -345,7 +345,10 @@ class RenderOptions(FrameFileOptions, ProjectOptions):
 
     command: ClassVar[str] = "render"
 
-    views: str = option("train, test, val, all, names with commas, or CAMERAS.json (transforms.json with sizes)", "all")
+    views: str = option(
+        "train, test, val, all, names and ranges with commas (0000-0007), or CAMERAS.json (transforms.json with sizes)",
+        "all",
+    )
     first: int | None = option("the first of these views to write, counted from 1", None, metavar="N")
     last: int | None = option("the last one; beyond the end: the end", None, metavar="N")
     count: int | None = option("how many at most", None, metavar="N")
@@ -364,6 +367,7 @@ class ColorwaysOptions(CalibrationOptions, ProjectOptions):
         "again",
         metavar="DIR",
     )
+    names: str = option("path of pictures in that folder, without suffix", "{look}/{view}", metavar="PATTERN")
     size: str | int = option("as for render", "photo")
     predict_only: bool = option("only write colorways.csv: what will be reached", False)
     locked: tuple[str, ...] = option("swatches that stay as learned, each as <object>/<number>", (), flag=None)

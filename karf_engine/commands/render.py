@@ -4,9 +4,10 @@ Writes
 
     OUT/render/<view>.png            the scene as learned; with alpha without the background
     OUT/masks/<object>/<view>.png    0 or 255
-    OUT/recolor/<view>.png           the edited base picture; photos keep .png, .tif or .exr (with jpeg .jpg)
+    OUT/recolor/<view>.png           the edited base picture; photos keep .png, .tif or .exr (with jpeg .jpg); by `names`
     OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
     OUT/unsure/<object>/<view>.png   8 bits, 255 where the object's labels are most uncertain
+    OUT/recolor/<view>_layered.exr   photo, recolored picture, mask and change of each object (export.layered)
     OUT/layers/<view>.exr            base, coverage, weights, depth and mattes for compositors (export.layers)
     OUT/planes/<view>.npz            edit planes; for captured views also in the project, for Blender
     OUT/finished.jsonl               the inputs of each finished frame
@@ -26,7 +27,7 @@ from ..capture import choose_views, slice_of_views
 from ..capture.capture import View
 from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..export.finished_frames import ModelFingerprint, model_fingerprint, pending_frames
+from ..export.finished_frames import ModelFingerprint, frame_key, model_fingerprint, pending_frames
 from ..export.frame_files import write_view
 from ..io.color_spaces import color_space
 from ..palettes.palette import Edit, Palette
@@ -64,6 +65,8 @@ def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOp
     views, captured = choose_views(job.capture(), options.views)
     part = slice_of_views(views, options.first, options.last, options.count)
     edits = read_edits(options.edit, views, model.palettes, job.settings.compositing)[part]
+    if options.layered and any(edit is not None and edit.compositing == "paper" for edit in edits):
+        raise BadRequest("A layered picture cannot hold an edit with compositing paper.", "Use delta, or no --layered.")
     todo, finished = pending_frames(options, learned, views[part], edits)
     job.emit("stage", name="render", text=f"{len(edits)} views")
     progress = job.progress("render", len(edits))
@@ -72,7 +75,7 @@ def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOp
     for view, edit, mark in todo:
         files, disputed[view.name] = write_view(model, view, edit, captured, options, job.artifact)
         if finished is not None:
-            finished.record(view.name, mark, files)
+            finished.record(frame_key(options, view.name), mark, files, edit)
         progress.step()
     warn_of_disputes(disputed, job.emit)
     if options.out is not None:

@@ -18,7 +18,8 @@ from ..palettes.edge_shape import active_edges
 from ..palettes.palette import Edit
 from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
-from .frame_options import FrameFileOptions, FrameOptions
+from .file_names import file_paths, named, tokens_of
+from .frame_options import RECOLORED, FrameFileOptions, FrameOptions
 
 VERSION = 4  # raise it when the same inputs give other pictures
 RECORD_NAME = "finished.jsonl"
@@ -54,13 +55,26 @@ class FinishedFrames:
         sizes = {name: _size(self.folder / name) for name in entry["files"]}
         return bool(sizes) and sizes == entry["files"]
 
-    def record(self, frame: str, made_from: str, files: Iterable[Path], **measured: Any) -> None:
-        """Append an entry for a written frame, with measurements; `frames` does not change."""
+    def record(
+        self, frame: str, made_from: str, files: Iterable[Path], edit: Edit | None = None, **measured: Any
+    ) -> None:
+        """Append an entry for a written frame, with its edit and measurements; `frames` does not change."""
+        if edit is not None:
+            measured["edit"] = frame_fingerprint("", edit)
         sizes = {file.relative_to(self.folder).as_posix(): _size(file) for file in files}
         entry = {"frame": frame, "made_from": made_from, "files": sizes, **measured}
         path = self.folder / RECORD_NAME
         with errors_naming_path(path), path.open("a", encoding="utf-8") as stream:
             stream.write(f"\n{json.dumps(entry)}\n")  # after an incomplete line
+
+    def edits(self) -> dict[str, str]:
+        """Return which edit made each recolored picture, as `frame_fingerprint("", edit)`, by its path without suffix."""
+        return {
+            file.rpartition(".")[0]: entry["edit"]
+            for entry in self.frames.values()
+            for file in entry["files"]
+            if "edit" in entry
+        }
 
 
 def _size(path: Path) -> int:
@@ -106,22 +120,29 @@ def frame_fingerprint(view: str, edit: Edit | None) -> str:
     return fingerprint(view, *options, {"edges": edges}) if edges else fingerprint(view, *options)
 
 
+def frame_key(options: FrameFileOptions, view: str) -> str:
+    """Return the name of a view's frame in the record: of the usual pictures the view's, else the picture's path."""
+    return view if options.names == RECOLORED else named(options.names, tokens_of(view))
+
+
 def pending_frames(
     options: FrameFileOptions, learned: ModelFingerprint, views: Sequence[View], edits: Sequence[Edit | None]
 ) -> tuple[list[tuple[View, Edit | None, str]], FinishedFrames | None]:
     """Return the frames to write, with their edits and fingerprints, and the record of the output folder, if any.
 
-    With `skip_existing` only missing frames and those made from other inputs. learned: of the loaded model.
+    With `skip_existing` only missing frames and those made from other inputs. learned: of the loaded model. Raises
+    BadRequest for impossible file names.
     """
     if options.out is None:
         return [(view, edit, "") for view, edit in zip(views, edits, strict=True)], None
     values = asdict(options.subset(FrameOptions)) | {"planes": options.planes, "threads": None, "device": None}
     own = {name: value for name, value in values.items() if value}
+    file_paths(options.names, [tokens_of(view.name) for view in views])
     finished = FinishedFrames.read(options.out)
     frames = [
         (view, edit, frame_fingerprint(view_fingerprint(learned, view, own), edit))
         for view, edit in zip(views, edits, strict=True)
     ]
     if options.skip_existing:
-        frames = [frame for frame in frames if not finished.has(frame[0].name, frame[2])]
+        frames = [frame for frame in frames if not finished.has(frame_key(options, frame[0].name), frame[2])]
     return frames, finished

@@ -24,7 +24,9 @@ from ..recolor.frames import Frame, Layers, edit_planes, remove_background
 from ..recolor.full_resolution import PhotoView
 from ..recolor.model import Model, base_of
 from ..recolor.photos import suffix_for, write_mask, write_photo
+from .file_names import named, tokens_of
 from .frame_options import FORMATS, FrameFileOptions
+from .layered import write_layered
 from .layers import write_layers
 
 
@@ -67,6 +69,10 @@ class _Files:
     def edges(self) -> dict[str, EdgeShape]:
         return {} if self.edit is None else self.edit.edges
 
+    @property
+    def _needs_layers(self) -> bool:
+        return self.options.layers or (self.options.layered and self.edit is not None)
+
     def write_rendering(self) -> None:
         camera = self.model.working_camera(self.view) if self.captured else self.view.camera
         frame = self.model.render(camera, self.model.settings.render.supersampling)
@@ -106,8 +112,8 @@ class _Files:
         if self.edit is not None:
             kind = self.options.format
             picture = _cut_out(self.model.composite(frame, self.edit), frame, behind)
-            write_frame(self._path("recolor", FORMATS[kind]), picture, kind)
-        if self.options.layers:
+            write_frame(self._recolored(FORMATS[kind]), picture, kind)
+        if self._needs_layers:
             frame = self.model.with_edges(frame, self.edges)
             assert frame.palette_weights is not None
             palettes = extended_palettes(self.model.palettes, self.added)
@@ -121,12 +127,16 @@ class _Files:
             write_mask(self._path(f"masks/{name}", ".png"), mask, finished.photo.header.orientation)
         if self.edit is not None:
             suffix = suffix_for(finished.photo, self.options.jpeg)
-            write_photo(self._path("recolor", suffix), finished.recolor(self.edit))
-        if self.options.layers:
+            write_photo(self._recolored(suffix), finished.recolor(self.edit))
+        if self._needs_layers:
             depth = self.model.render_field(self.model.working_camera(self.view)).depth
             self._layers(finished.layers(depth, self.added, self.edges))
 
     def _layers(self, layers: Layers) -> None:
+        if self.options.layered and self.edit is not None:
+            write_layered(self._recolored("_layered.exr"), layers, self.edit)
+        if not self.options.layers:
+            return
         name = self.options.layer_space
         space = None if name is None else color_space(name, self.options.ocio)
         write_layers(self._path("layers", ".exr"), layers, space)
@@ -141,9 +151,15 @@ class _Files:
         if self.options.out:
             write_planes(self._path("planes", ".npz"), planes)
 
+    def _recolored(self, suffix: str) -> Path:
+        return self._in_folder(f"{named(self.options.names, tokens_of(self.view.name))}{suffix}")
+
     def _path(self, kind: str, suffix: str) -> Path:
+        return self._in_folder(f"{kind}/{self.view.name}{suffix}")
+
+    def _in_folder(self, name: str) -> Path:
         assert self.options.out is not None
-        self.written.append(self.options.out / kind / f"{self.view.name}{suffix}")
+        self.written.append(self.options.out / name)
         return self.written[-1]
 
 

@@ -11,6 +11,8 @@ from ..io.options import Options, option
 # of recolored frames that do not have a photo's size, with their suffixes
 FORMATS = {"png8": ".png", "png16": ".png", "exr16": ".exr", "exr32": ".exr"}
 
+RECOLORED = "recolor/{view}"  # path of recolored pictures in the output folder
+
 CONFIG = (
     "OpenColorIO configuration of named color spaces (default: that of the variable OCIO, else the one that comes with the "
     "package)"
@@ -36,6 +38,11 @@ class FrameOptions(Options):
     depth: bool = option("write depth/ too", False)
     unsure: bool = option("write unsure/ too: where objects' labels are unsure, white", False)
     layers: bool = option("write layers/ too (OpenEXR for compositors)", False)
+    layered: bool = option(
+        "with edit: write recolored pictures as layers to finish by hand too, <view>_layered.exr (OpenEXR: photo, "
+        "recolored, mask and change of each object)",
+        False,
+    )
     layer_space: str | None = option(
         "color space of the layers' base picture, by its name in the OpenColorIO configuration, in 32 bits (default: "
         "linear Rec. 709, in 16)",
@@ -66,6 +73,11 @@ class FrameFileOptions(FrameOptions):
         metavar="FILE",
     )
     out: Path | None = option("folder for render/, masks/, recolor/", None, metavar="DIR")
+    names: str = option(
+        "path of recolored pictures in that folder, without suffix; {frame} is the number at the end of the view's name",
+        RECOLORED,
+        metavar="PATTERN",
+    )
     planes: bool = option("write planes/ too (what Blender recolors from)", False)
     skip_existing: bool = option(
         "keep frames that are there already, made from the same: resumes where a job was stopped", False

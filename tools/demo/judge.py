@@ -43,12 +43,9 @@ def main() -> None:
 
 
 def recolored_frames(folder: Path, test: TestViews, truth: Truth) -> Pictures:
-    """Return what the demo has written for each edit: FRAMES/<edit>/recolor/<view>.png."""
+    """Return what the demo has written for each edit: FRAMES/<edit>/<view>.png."""
     names = [image.view.name for image in test.training_images]
-    return {
-        edit: [iio.imread(folder / edit / "recolor" / f"{name}.png")[..., :3] / 255 for name in names]
-        for edit in truth.edits
-    }
+    return {edit: [iio.imread(folder / edit / f"{name}.png")[..., :3] / 255 for name in names] for edit in truth.edits}
 
 
 def figures(test: TestViews, frames: Pictures, truth: Truth) -> dict[str, float]:

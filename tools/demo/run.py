@@ -88,7 +88,8 @@ def recolor(karf, name: str, edit: dict, out: Path, seconds: dict[str, float]) -
         print(f"   {object_name}: {hexadecimal(source)} becomes {hexadecimal(target)}", flush=True)
         karf.becomes(scene, object_name, source, target)
     karf.save_edit(scene, out / "edits" / f"{name}.json")
-    timed(seconds, f"render {name}", karf.render_captured(scene, "test", out / "frames" / name).wait)
+    karf.keep_look(scene, name)
+    timed(seconds, f"render {name}", karf.render_captured(scene, "test", out / "frames").wait)
 
 
 def learned_edit(karf):

@@ -9,7 +9,7 @@ from mathutils import Matrix
 
 from . import acts, controls, desk, hands
 from .desk import MARKED_VIEW, PHOTO_SIZE, check
-from .hands import BESIDE_PICTURE, PICTURE, VIEW, Wait
+from .hands import BESIDE_PICTURE, PICTURE, SIDEBAR, VIEW, Wait
 from .record import Chapter, Story
 from .remains import remains
 
@@ -156,8 +156,10 @@ def recolor_photos(story: Story) -> Wait:
 
 
 def recolored(name: str) -> Path:
-    """Return a recolored picture's file."""
-    return desk.module("project.folders").out_folder(desk.scene()) / "recolor" / name
+    """Return the file of a picture of the swatches."""
+    outputs, scene = desk.module("swatches.outputs"), desk.scene()
+    look = outputs.folder_name(outputs.look_of(scene))
+    return desk.module("project.folders").out_folder(scene) / look / name
 
 
 @CHAPTER.step("script: a camera beside a photo's, one frame; mouse: Camera's Frames; keys: Return in its dialog")
@@ -172,7 +174,7 @@ def render_new_camera(story: Story) -> Wait:
     finally:
         scene.frame_end = FILM_FRAMES
     yield from story.shoot()
-    files = sorted(desk.module("project.folders").out_folder(scene).rglob("recolor/frame_*.png"))
+    files = sorted(desk.module("project.folders").out_folder(scene).rglob("cameras/*/*/frame_*.png"))
     check(len(files) == 1, f"{len(files)} frames were written, not one")
     frame, beside = desk.pixels_of(files[0]), desk.pixels_of(recolored(f"{MARKED_VIEW}.png"))
     check(frame.shape == beside.shape, f"the frame has {frame.shape}, and not {beside.shape}")
@@ -191,6 +193,16 @@ def new_camera(scene: bpy.types.Scene) -> bpy.types.Object:
     return camera
 
 
+@CHAPTER.step("script: a view's name; mouse: All Looks; keys: Return in its dialog")
+def render_looks(story: Story) -> Wait:
+    """Two looks are two folders, with pictures that differ."""
+    bpy.data.window_managers[0].operator_properties_last("karf.render_looks").views = MARKED_VIEW
+    yield from acts.dialog_job(story, r"karf\.render_looks")
+    out = desk.module("project.folders").out_folder(desk.scene())
+    first, second = (desk.pixels_of(out / look / f"{MARKED_VIEW}.png") for look in "AB")
+    check((first != second).any(), "both looks have the same picture")
+
+
 @CHAPTER.step("mouse: Learn Splats; script: Export Page, its values; keys: Return in its dialog")
 def export_page(story: Story) -> Wait:
     """The scene with its looks becomes a web page of one file, which a browser then opens."""
@@ -204,6 +216,22 @@ def export_page(story: Story) -> Wait:
     yield from acts.begin_job(hands.press("RET", hands.middle_of(VIEW)))
     yield from acts.end_job()
     story.note(f"{(page / 'index.html').stat().st_size / 1e6:.1f} MB")
+
+
+@CHAPTER.step("mouse: Look Through, Rendered View; script: solid shading")
+def rendered_view(story: Story) -> Wait:
+    """The rendered 3D View shows the recolored scene and no photo over it, also through a captured camera."""
+    space, scene = hands.area_of("VIEW_3D").spaces.active, desk.scene()
+    with hands.inside(VIEW):
+        bpy.ops.karf.look_through()
+    yield from controls.press_button(SIDEBAR, r"karf\.rendered_view")
+    yield 10.0
+    yield from story.shoot()
+    check(space.shading.type == "RENDERED" and space.region_3d.view_perspective == "CAMERA", "the view is another")
+    check(not scene.camera.data.show_background_images, "the photo lies over the picture")
+    space.shading.type = "SOLID"
+    yield 1.0
+    check(scene.camera.data.show_background_images, "the photo did not come back")
 
 
 @CHAPTER.step("script: the extension is switched off and on; mouse: a swatch is dragged")

@@ -17,12 +17,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
-from karf_engine.capture import open_capture, write_cameras
+from karf_engine.capture import choose_views, open_capture, write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, CapturedSplats, View, capture_from_json, capture_to_json
 from karf_engine.capture.transforms import camera_from_json, write_capture
 from karf_engine.cli import main as engine_main
 from karf_engine.commands.options import options_of_job
+from karf_engine.export.file_names import named, tokens_of
+from karf_engine.export.finished_frames import FinishedFrames, frame_fingerprint
 from karf_engine.io.files import read_json, write_json
 from karf_engine.palettes.color_histogram import ColorHistogram, write_object_colors
 from karf_engine.palettes.colorways import plan_colorways
@@ -272,16 +274,22 @@ def render(project, options):
             write_flat(out / "render" / f"{view.name}.png", view, (0.0, 0.0, 1.0))
             for folder in ("masks", "unsure") if options.get("unsure") else ("masks",):
                 write_masks(out / folder, view)
-        path = out / "recolor" / f"{view.name}.png"
-        if edit and not (options.get("skip_existing") and path.exists()):
-            write_flat(path, view, read_edit(Path(file), read_palettes(project.palette_file)).colors["pot"][1])
+        name = named(options.get("names", "recolor/{view}"), tokens_of(view.name))
+        path, finished = out / f"{name}.png", FinishedFrames.read(out)
+        made_by = read_edit(Path(file), read_palettes(project.palette_file)) if edit else None
+        mark = frame_fingerprint("", made_by)
+        if edit and not (options.get("skip_existing") and finished.has(name, mark)):
+            write_flat(path, view, made_by.colors["pot"][1])
+            finished.record(name, mark, [path], made_by)
 
 
 def colorways(project, options):
     for planned in plan_colorways(project, Path(options["sheet"])):
         for view in views_of(project, options["views"]):
-            path = Path(options["out"]) / planned.colorway.folder / f"{view.name}.png"
+            name = named(options["names"], {"look": planned.colorway.folder, **tokens_of(view.name)})
+            path = Path(options["out"]) / f"{name}.png"
             write_flat(path, view, planned.edit.colors["pot"][1].clip(0, 1))
+            FinishedFrames(path.parents[name.count("/")]).record(name, "fake", [path], planned.edit)
 
 
 def points(project, options):
@@ -290,12 +298,7 @@ def points(project, options):
 
 # --- views and files -------------------------------------------------------------------------------------------------
 def views_of(project, which):
-    if which.endswith(".json"):
-        return open_capture(which, photos=False).views
-    capture = capture_from_json(read_json(project.capture_file, "capture"), project.capture_file)
-    if which in ("all", "train", "test"):
-        return capture.split(which)
-    return [capture.view(name) for name in which.split(",")]
+    return choose_views(capture_from_json(read_json(project.capture_file, "capture"), project.capture_file), which)[0]
 
 
 def planes_of(camera):

@@ -123,3 +123,74 @@ def test_automatic_turns_only_formats_without_known_axes(addon, format_name, spl
 
 def test_single_camera_has_an_extent(addon):
     assert addon.cameras.extent_of(capture_of([np.eye(4)])) == 1.0
+
+
+def test_captured_cameras_are_locked_those_of_earlier_files_when_looked_through(bpy, addon, shot):
+    camera = bpy.data.objects["photo_1"]
+    locks = ("lock_location", "lock_rotation", "lock_scale")
+    assert all(all(getattr(camera, lock)) for lock in locks)
+    camera.lock_location = (False, False, False)
+    addon.steps.look_through(shot, "photo_1")
+    assert all(camera.lock_location)
+
+
+def eye_of(view):
+    """The place that a 3D View is seen from."""
+    return np.array(view.view_location) + view.view_distance * np.array(view.view_rotation.to_matrix())[:, 2]
+
+
+def view_of(camera, distance):
+    """A 3D View at a camera's place, turning about a point at a distance."""
+    matrix = camera.matrix_world.normalized()
+    location = matrix.translation - distance * matrix.col[2].xyz
+    turn = {"view_rotation": matrix.to_quaternion(), "view_distance": distance}
+    return SimpleNamespace(view_perspective="PERSP", view_location=location, **turn)
+
+
+def test_views_turn_about_what_the_cameras_look_at(bpy, addon, shot):
+    shot.karf.rig.location = (1, 2, 3)  # the captured cameras look at the rig's origin
+    bpy.context.view_layer.update()
+    view = view_of(bpy.data.objects["photo_1"], 40.0)
+    addon.cameras.turn_about(view, shot)
+    np.testing.assert_allclose(view.view_location, (1, 2, 3), atol=1e-5)
+    assert view.view_distance == pytest.approx(3, abs=1e-4)
+    np.testing.assert_allclose(
+        eye_of(view), bpy.data.objects["photo_1"].matrix_world.translation, atol=1e-5
+    )  # seen as before
+    through = SimpleNamespace(view_perspective="CAMERA")
+    addon.cameras.turn_about(through, shot)
+    np.testing.assert_allclose(through.view_location, (1, 2, 3), atol=1e-5)
+
+
+def test_new_camera_has_the_view_and_the_lens_looked_through_and_is_free(bpy, addon, shot):
+    seen = bpy.data.objects["photo_0"]
+    camera = addon.cameras.add_free(shot, seen.matrix_world.inverted(), 50.0)
+    assert shot.camera == camera and camera.parent is None and not any(camera.lock_location)
+    np.testing.assert_allclose(camera.matrix_world, seen.matrix_world, atol=1e-6)
+    assert camera.data.lens == seen.data.lens and not camera.data.background_images and seen.data.background_images
+    assert not shot.karf.looking.is_on and shot.render.resolution_x == 1998
+    camera.location.z += 7
+    bpy.context.view_layer.update()
+    other = addon.cameras.add_free(shot, seen.matrix_world.inverted(), 50.0)
+    assert other.data.lens == 25.0
+
+
+def test_parallel_cameras_leave_a_view_as_it_is(bpy, addon, shot):
+    for item in shot.karf.rig.children:
+        item.rotation_euler = (0, 0, 0)
+    view = view_of(bpy.data.objects["photo_1"], 40.0)
+    addon.cameras.turn_about(view, shot)
+    assert view.view_distance == 40.0
+
+
+@pytest.mark.parametrize(("has_work", "transform"), [(False, "Standard"), (True, "AgX")])
+def test_import_into_a_new_scene_shows_the_photos_colors(
+    bpy, addon, scene, capture_folder, tmp_path, has_work, transform
+):
+    if has_work:
+        scene.collection.objects.link(bpy.data.objects.new("Mine", None))
+    capture = addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
+    assert scene.view_settings.view_transform == transform
+    assert any("Standard" in remark for remark in capture.warnings) != has_work
+    bpy.ops.karf.standard_colors()
+    assert scene.view_settings.view_transform == "Standard"

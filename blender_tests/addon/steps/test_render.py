@@ -49,7 +49,7 @@ def test_active_view_is_written_with_and_without_an_engine(bpy, addon, dark, tmp
         monkeypatch.setenv("KARF_ENGINE_PYTHON", str(tmp_path / "no python"))
         addon.preferences.current().engine_python = ""
     assert bpy.ops.karf.render_view() == {"FINISHED"}
-    written = addon.images.read_picture(tmp_path / "out" / "recolor" / "photo_0.png")
+    written = addon.images.read_picture(tmp_path / "out" / "Recolored" / "photo_0.png")
     displayed = addon.images.pixels(dark.karf.result)[..., :3]  # whatever the view transform
     if has_engine:
         np.testing.assert_allclose(written[0, 0] * 255, DARK_BYTES, atol=1e-4)
@@ -157,7 +157,7 @@ def test_missing_frames_and_cameras_are_reported(bpy, addon, learned, tmp_path):
 def test_dialog_frames_are_rendered_without_changing_the_scene(bpy, addon, learned, tmp_path):
     learned.karf.out = str(tmp_path / "out")
     assert bpy.ops.karf.render_camera(frame_start=4, frame_end=8, frame_step=2) == {"FINISHED"}
-    written = sorted(path.stem for path in (addon.steps.camera_folder(learned) / "recolor").iterdir())
+    written = sorted(path.stem for path in (addon.steps.camera_folder(learned) / "Recolored").iterdir())
     assert written == ["frame_0004", "frame_0006", "frame_0008"]
     assert (learned.frame_start, learned.frame_end) == (1, 250)
 
@@ -214,7 +214,7 @@ def test_strips_hold_only_the_frames_of_the_last_job(bpy, addon, film, tmp_path)
     (strip,) = addon.compat.strips_of(film)
     assert (addon.compat.strip_range(strip), strip.channel) == ((3, 8), 1)
     assert [element.filename for element in strip.elements] == [f"frame_{number:04d}.png" for number in range(3, 8)]
-    assert bpy.path.abspath(strip.directory).rstrip("/").endswith("recolor")
+    assert bpy.path.abspath(strip.directory).rstrip("/").endswith("Recolored")
     assert all(getattr(workspace, "sequencer_scene", film) == film for workspace in bpy.data.workspaces)
     bpy.ops.karf.add_strip()  # beside the first
     assert sorted(strip.channel for strip in addon.compat.strips_of(film)) == [1, 2]

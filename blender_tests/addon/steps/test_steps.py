@@ -52,7 +52,7 @@ def test_steps_use_the_given_scene_and_tasks_return_results(addon, learned):
     assert tuple(other.karf.objects["pot"].swatches[1].color) == (0, 1, 0)
     assert tuple(learned.karf.objects["pot"].swatches[1].color) != (0, 1, 0)
     path = addon.steps.render_view(learned).wait()
-    assert path.is_file() and path.stem == learned.karf.active_view and path.parent.name == "recolor"
+    assert path.is_file() and path.stem == learned.karf.active_view and path.parent.name == "Recolored"
     task = addon.steps.show_view(learned)  # already prepared
     assert task.requests == () and task.wait() == learned.karf.result
 

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import struct
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -247,3 +248,27 @@ def test_points_follow_the_edges_of_the_scene(bpy, addon, learned, points, tmp_p
     learned.karf.objects["pot"].choke = 2  # farther than any point from the border
     item = addon.steps.place_points(learned, tmp_path / "points.npz")
     np.testing.assert_allclose(colors_of(bpy, item) * 255, points.colors, atol=0.01)
+
+
+EXPORTS = {
+    "export_cameras": "cameras.json",
+    "export_scene": "scene.ply",
+    "export_splat": "scene.ply",
+    "save_edit": "edit.json",
+}
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+@pytest.mark.parametrize("is_saved", [False, True])
+def test_dialogs_propose_the_exported_files_name(bpy, addon, learned, tmp_path, name, is_saved):
+    folder = addon.folders.project_of(learned).folder
+    if is_saved:
+        folder = tmp_path / "shots"
+        folder.mkdir()
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"))
+    opened = SimpleNamespace(window_manager=SimpleNamespace(fileselect_add=lambda each: None), scene=bpy.context.scene)
+    dialog = SimpleNamespace(properties=SimpleNamespace(is_property_set=lambda each: False), filepath=EXPORTS[name])
+    kind = getattr(bpy.types, f"KARF_OT_{name}")
+    assert getattr(bpy.ops.karf, name).get_rna_type().properties["filepath"].default == EXPORTS[name]
+    assert kind.invoke(dialog, opened, None) == {"RUNNING_MODAL"}
+    assert dialog.filepath == str(folder / EXPORTS[name])

@@ -150,3 +150,13 @@ def test_status_bar_shows_jobs_after_a_tools_text(bpy, addon):
     addon.extension.unregister()
     assert n_draws(bpy, addon) == 0
     addon.extension.register()
+
+
+def test_a_copied_scene_has_its_own_picture(bpy, addon, learned, image_editor):
+    first = image_editor.spaces.active.image = learned.karf.result
+    bpy.ops.scene.new(type="FULL_COPY")
+    copy = bpy.context.scene
+    addon.steps.set_swatch(copy, "pot", 1, "#204060")
+    assert learned.karf.result == first != copy.karf.result
+    assert not (addon.images.pixels(first) == addon.images.pixels(copy.karf.result)).all()
+    assert image_editor.spaces.active.image == copy.karf.result

@@ -35,6 +35,16 @@ class SequenceInFolder(Sequence):
         return sorted(name for name, time in self.times().items() if before.get(name) != time)
 
 
+def test_edits_with_their_own_file_names_share_a_folder(sequence):
+    times = []
+    for look, color in (("red", (0.8, 0.1, 0.1)), ("blue", (0.1, 0.1, 0.8)), ("red", (0.8, 0.1, 0.1))):
+        sequence.paint(color)
+        sequence.render(names=f"{look}/{{frame}}")
+        times.append({path.name: path.stat().st_mtime_ns for path in sequence.out.glob("red/*.png")})
+    assert times[0] == times[1] == times[2] and sorted(times[0]) == [f"000{number}.png" for number in (1, 2, 3, 4)]
+    assert len({path.read_bytes() for path in sequence.out.glob("*/0001.png")}) == 2 and not sequence.times()
+
+
 @pytest.fixture
 def sequence(copy, tmp_path):
     return SequenceInFolder(copy.folder, tmp_path, 4)

@@ -184,7 +184,7 @@ def recomposed(path, edit):
 
 def test_free_cameras_are_rendered_recolored_and_layered(learned, green, tmp_path):
     cameras, truth = cameras_file(tmp_path / "path.json", 2, 24), take_photo(camera_at(1.0, 0.5, 24))
-    options = ("--edit", green, "--planes", "--layers", "--depth", "--out", tmp_path, "--threads", 1)
+    options = ("--edit", green, "--planes", "--layers", "--layered", "--depth", "--out", tmp_path, "--threads", 1)
     assert run("render", learned.project, "--views", cameras, *options) == 0
     assert psnr(read_photo(tmp_path / "render" / "frame_0.png"), truth.color) > 20
     recolored = read_photo(tmp_path / "recolor" / "frame_0.png")
@@ -192,6 +192,8 @@ def test_free_cameras_are_rendered_recolored_and_layered(learned, green, tmp_pat
     assert ball[1] > ball[0]
     assert not (learned.project / "planes" / "frame_0.npz").exists()
     edit = read_edit(green, read_palettes(Project(learned.project).palette_file))
+    layered = read_photo(tmp_path / "recolor" / "frame_0_layered.exr")
+    assert np.abs(layered - recolored).max() < 1 / 255
     result, depth = recomposed(tmp_path / "layers" / "frame_0.exr", edit)
     assert np.abs(result - recolored).max() < 1 / 255
     np.testing.assert_array_equal(depth, np.load(tmp_path / "depth" / "frame_0.npy"))

@@ -9,6 +9,7 @@ import pytest
 
 from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.errors import BadRequest, DataError, MissingDependency
+from karf_engine.export.file_names import file_paths, tokens_of
 from karf_engine.export.finished_frames import RECORD_NAME, FinishedFrames
 from karf_engine.export.frame_files import write_frame
 from karf_engine.export.frame_options import FORMATS
@@ -43,6 +44,33 @@ def test_invalid_lines_of_a_record_are_skipped(tmp_path):
     lines = ["[" * 100_000, "{", "3", '{"frame": "b"}', '{"frame": "a", "made_from": "x", "files": {}}']
     (tmp_path / RECORD_NAME).write_text("\n".join(lines))
     assert list(FinishedFrames.read(tmp_path).frames) == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "paths"),
+    [
+        ("recolor/{view}", ["recolor/photo_07", "recolor/lid"]),
+        ("{look}/pot.{frame}", ["Warm/pot.07", "Warm/pot.lid"]),
+        ("{view}_{look}", ["photo_07_Warm", "lid_Warm"]),
+    ],
+)
+def test_file_names_replace_tokens(pattern, paths):
+    assert file_paths(pattern, [{"look": "Warm", **tokens_of(view)} for view in ("photo_07", "lid")]) == paths
+
+
+@pytest.mark.parametrize(
+    ("pattern", "words"),
+    [
+        ("{look}/{view}", "'{look}/{view}'.*{view}, {frame}"),
+        ("../{view}", "'../{view}'"),
+        ("Masks/{view}", "'Masks/{view}'.*begin with render, masks"),
+        ("all", "two pictures the path 'all'"),
+        ("{frame}", "two pictures the path"),  # of a_1 and b_1
+    ],
+)
+def test_file_names_that_leave_the_folder_or_meet_are_refused(pattern, words):
+    with pytest.raises(BadRequest, match=words):
+        file_paths(pattern, [tokens_of(view) for view in ("a_1", "b_1")])
 
 
 @pytest.mark.parametrize("make", NO_FILES)

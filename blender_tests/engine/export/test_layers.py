@@ -11,6 +11,7 @@ import pytest
 from karf_engine.errors import DataError
 from karf_engine.export import cryptomatte
 from karf_engine.export.layer_names import name_layers, read_layer_names
+from karf_engine.export.layered import write_layered
 from karf_engine.export.layers import write_layers
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear, to_bytes
 from karf_engine.io.image_size import ImageHeader
@@ -46,6 +47,24 @@ def path(layers, tmp_path):
 def read_channels(path):
     with OpenEXR.File(str(path), separate_channels=True) as file:
         return {name: channel.pixels for name, channel in file.channels().items()}
+
+
+def test_layered_file_adds_up_to_the_recolored_picture(layers, tmp_path):
+    layers = replace(layers, gains=(0.5, 1.0, 1.25))
+    write_layered(tmp_path / "view.exr", layers, EDIT)
+    planes = {name: plane.astype(np.float32) for name, plane in read_channels(tmp_path / "view.exr").items()}
+    picture, photo = (np.stack([planes[f"{layer}{letter}"] for letter in "RGB"], -1) for layer in ("", "photo."))
+    changes = [np.stack([planes[f"{name}_change.{letter}"] for letter in "RGB"], -1) for name in ("pot", "my_mug_2")]
+    base = layers.base.astype(np.float32) / 255
+    np.testing.assert_allclose(photo, srgb_to_linear(base), atol=5e-4)
+    np.testing.assert_allclose(photo + sum(changes), picture, atol=2e-3)
+    wanted = base.copy()
+    for k, palette in enumerate((POT, MUG)):
+        by = (EDIT.colors[palette.name] - palette.colors) * layers.gains
+        for number, color in enumerate(by):
+            wanted += layers.palette_weights[k, number, ..., None].astype(np.float32) * color
+    assert np.abs(linear_to_srgb(picture) - wanted.clip(0, 1)).max() < 0.5 / 255
+    np.testing.assert_allclose(planes["pot_mask.V"], layers.coverage[0], atol=1e-3)
 
 
 def test_file_recomposes_the_edited_picture(layers, path):
