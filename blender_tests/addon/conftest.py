@@ -63,6 +63,8 @@ def addon(bpy, monkeypatch):
         for name in names.split():
             setattr(modules, name, importlib.import_module(f"{package}.{name}"))
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
+    # swatches are those learned; tests of an object's paints look for them
+    monkeypatch.setattr(modules.palettes, "object_paints", lambda seen: ())
     monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)
     yield modules
     assert not modules.runner.is_running()

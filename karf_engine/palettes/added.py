@@ -32,6 +32,8 @@ COLORED = 0.25  # Lab saturation above which a color counts fully as that of a p
 MIN_PAINT = 0.02  # share of an object, weighted by saturation
 APART = 0.4  # least hue difference of two paints, radians
 VALLEY = 0.6  # density between two paints, relative to that of the weaker one
+NEUTRAL_BINS = np.linspace(0, 0.2, 6)  # saturations that neutrals can have, relative to a paint's
+NEUTRAL_BIN = 0.03  # least share of an object in a bin that is not of a print's rims
 MIN_NEUTRAL = 0.2  # share of an object that makes a single paint a print on something neutral
 SPARSE = 0.02  # share of an object in a hue bin that counts as a gap
 GATE_CLOSED = 1.3  # hue difference over reach that nearly closes the gate
@@ -97,18 +99,20 @@ def _paint_of_hue(seen: ColorHistogram, weights: np.ndarray, to_others: np.ndarr
     picked = np.average(seen.colors, axis=0, weights=weights)
     nearest = np.abs(_turn(to_others)[to_others != 0]).min(initial=np.inf)
     reach = min(propose_added_color(seen, picked).reach, nearest / (GATE_CLOSED * HUE_GATE))
-    return AddedColor(picked.astype(np.float32), float(reach), PROTECT)
+    return AddedColor(picked.astype(np.float32), float(reach), _protection(seen, picked, reach))
+
+
+def _protection(seen: ColorHistogram, picked: np.ndarray, reach: float) -> float:
+    """Return the protection that keeps neutrals which are slightly of a paint's hue: paper and silver in colored light."""
+    saturation = lab_saturation(srgb_to_lab(seen.colors)) / lab_saturation(srgb_to_lab(picked))
+    shares = seen.counts / seen.counts.sum() * pigment_gate(seen.colors, picked, reach)
+    mass = np.histogram(saturation, NEUTRAL_BINS, weights=shares)[0]
+    last = np.flatnonzero(mass > NEUTRAL_BIN).max(initial=-1)
+    return float(max(PROTECT, 2 * NEUTRAL_BINS[last + 1]))
 
 
 def _turn(angle: np.ndarray) -> np.ndarray:
     return (angle + np.pi) % (2 * np.pi) - np.pi
-
-
-def pigment_of_swatch(seen: ColorHistogram, index: int) -> np.ndarray:
-    """Return the mean color, sRGB [3], of the object's colors with at least half of the largest weight of a swatch."""
-    shares = seen.palette_weights[:, index]
-    weights = np.where(shares >= shares.max() / 2, shares * seen.counts, 0)
-    return np.average(seen.colors, axis=0, weights=weights if weights.any() else None)
 
 
 def append_added_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
