@@ -36,6 +36,7 @@ from ..karf_engine.palettes.added import (
     propose_added_color,
     split_weights,
     split_weights_of_objects,
+    wanted_color,
 )
 from ..karf_engine.palettes.calibration import ChartFit, ReferenceLight, fit_photo, to_mean_exposure, to_photo_exposure
 from ..karf_engine.palettes.color_books import SUFFIXES as BOOK_SUFFIXES
@@ -57,7 +58,7 @@ from ..karf_engine.palettes.matching.becomes import (
     residual_delta_e,
 )
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
-from ..karf_engine.palettes.matching.paints import pigment_gate, repainted
+from ..karf_engine.palettes.matching.paints import pigment_gate
 from ..karf_engine.palettes.matching.surface import MAX_BRIGHTNESS, MAX_FACTOR, Surface, match_surface
 from ..karf_engine.palettes.palette import (
     MAX_ADDED,

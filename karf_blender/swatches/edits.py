@@ -15,8 +15,8 @@ from ..engine_api import (
     color_to_text,
     colors_of_text,
     edit_to_json,
-    repainted,
     rgb_to_hex,
+    wanted_color,
 )
 from . import colors, displayed, gestures, groups, solving
 from .solving import Becoming
@@ -204,7 +204,8 @@ def _become_paint(item: bpy.types.PropertyGroup, pair: Becoming) -> None:
     number, color = solving.paint_at(state, seen, source)
     with displayed.batched(scene):
         number = number or groups.add_color(item, color, groups.first_set(item, color))
-        set_color(scene, item.name, number, repainted(color.picked[None], source, pair.target)[0])
+        wanted = wanted_color(seen, state.palette.colors, color, source, pair.target)
+        set_color(scene, item.name, number, wanted)
 
 
 def become_target(item: bpy.types.PropertyGroup) -> str:

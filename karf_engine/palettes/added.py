@@ -17,10 +17,10 @@ import numpy as np
 
 from ..io.color import lab_chroma, lab_hue, lab_saturation, srgb_to_lab
 from .color_histogram import ColorHistogram
-from .matching.becomes import append_sources
+from .matching.becomes import append_sources, mean_weights
 from .matching.fitting import match_perceptually
 from .matching.paints import GREY_CHROMA, HUE_GATE, hue_difference, pigment_gate, repainted, smooth_step
-from .palette import PROTECT, AddedColor, Palette
+from .palette import MAX_SRGB, PROTECT, AddedColor, Palette
 
 FEW_NEUTRALS = 0.05  # share of an object; so few are highlights and shades of its pigments
 MIN_REACH, PROPOSED_REACH = 0.3, 0.75  # range of proposed reaches
@@ -35,6 +35,7 @@ VALLEY = 0.6  # density between two paints, relative to that of the weaker one
 NEUTRAL_BINS = np.linspace(0, 0.2, 6)  # saturations that neutrals can have, relative to a paint's
 NEUTRAL_BIN = 0.03  # least share of an object in a bin that is not of a print's rims
 MIN_NEUTRAL = 0.2  # share of an object that makes a single paint a print on something neutral
+ROUNDS = 4  # of correcting a wanted color
 SPARSE = 0.02  # share of an object in a hue bin that counts as a gap
 GATE_CLOSED = 1.3  # hue difference over reach that nearly closes the gate
 
@@ -181,3 +182,18 @@ def match_added_color(seen: ColorHistogram, palette: np.ndarray, added: AddedCol
     targets = repainted(colors, added.picked, wanted)
     weights, colors, targets, counts = append_sources(colors, counts, weights, targets, added.picked, wanted, EMPHASIS)
     return np.array([wanted, *match_perceptually(weights, colors, targets, palette, counts)[1:]], np.float32)
+
+
+def wanted_color(
+    seen: ColorHistogram, palette: np.ndarray, added: AddedColor, source: np.ndarray, target: np.ndarray
+) -> np.ndarray:
+    """Return the wanted color, sRGB [3], with which `match_added_color` turns a source color of the pigment into a target.
+
+    The source, sRGB [3], is as learned: a shade of the picked color. Raises BadRequest if it is black.
+    """
+    (wanted,) = repainted(added.picked[None], source, target)
+    own = mean_weights(*seen, source)[1:]
+    for _ in range(ROUNDS):
+        change = match_added_color(seen, palette, added, wanted)[1:] - palette[1:]
+        wanted = np.clip(wanted + target - np.clip(source + own @ change, 0, 1), 0, MAX_SRGB)
+    return wanted.astype(np.float32)

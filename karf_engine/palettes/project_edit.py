@@ -12,11 +12,10 @@ from ..errors import BadRequest
 from ..io.arguments import check_arguments
 from ..project.folder import Project
 from ..project.settings import from_dict
-from .added import extended_palettes, match_added_color, paint_of, split_weights
+from .added import extended_palettes, match_added_color, paint_of, split_weights, wanted_color
 from .color_histogram import read_object_colors
 from .edge_shape import EdgeShape, active_edges
 from .matching.becomes import match_becomes, match_fewest, nearest_weights
-from .matching.paints import repainted
 from .matching.surface import Surface, match_surface
 from .palette import (
     MAX_ADDED,
@@ -83,7 +82,7 @@ class ProjectEdit(Edit):
         edit, seen = self, read_object_colors(self.project.verified(self.project.object_colors_file), name)
         for source, target in zip(sources, targets, strict=True):
             paint = paint_of(seen, source)
-            (wanted,) = repainted(paint.picked[None], source, target)
+            wanted = wanted_color(seen, self._palette(name).colors, paint, source, target)
             edit = edit.add_color(name, paint.picked, wanted, paint.reach, paint.protect)
         return edit
 

@@ -16,9 +16,11 @@ from karf_engine.palettes.added import (
     propose_added_color,
     split_weights,
     split_weights_of_objects,
+    wanted_color,
 )
 from karf_engine.palettes.color_histogram import ColorHistogram
 from karf_engine.palettes.compositing import delta_composite, paper_composite
+from karf_engine.palettes.matching.becomes import mean_weights
 from karf_engine.palettes.matching.paints import pigment_gate
 from karf_engine.palettes.palette import PROTECT, AddedColor, Palette
 
@@ -193,3 +195,13 @@ def test_added_color_without_reach_changes_nothing():
     shares = split_weights(WEIGHTS, PALETTE, [color])
     np.testing.assert_array_equal(shares[:4], WEIGHTS)
     assert not shares[4:].any()
+
+
+@pytest.mark.parametrize("shade", [0.5, 1.0])
+def test_wanted_color_turns_the_source_into_the_target(shade):
+    source, seen = lit(RED)[int(19 * shade)], painted(red=0.3, blue=0.3, silver=0.4)
+    paint = paint_of(seen, source)
+    wanted = wanted_color(seen, PALETTE, paint, source, GREEN)
+    shares = split_weights(mean_weights(*seen, source)[:, None], PALETTE, [paint])[:, 0]
+    change = shares @ (match_edit(paint, wanted, seen=seen) - append_added_sets(PALETTE, [paint]))
+    assert mean_ciede2000((source + change)[None], GREEN[None]) < 1
