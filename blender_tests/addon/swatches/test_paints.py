@@ -1,5 +1,7 @@
 """Paints of an object: what a drag of one changes, and what Whole Object, edits, looks and undo do with them."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -100,3 +102,13 @@ def test_paints_follow_palettes_extracted_anew(addon, learned, pot):
     show_halves(addon, learned)
     assert_shows(addon, pot, BLUE, YELLOW)
     assert len(addon.colors.offered(pot)) == 2
+
+
+def test_nodes_follow_the_changed_paint(bpy, addon, learned, pot):
+    numbers = addon.colors.offered(pot)
+    pot.swatches[numbers[1]].color = BLUE
+    last = addon.colors.states(learned)["pot"]
+    learned_with_set = addon.engine_api.Palette("pot", last.learned[last.kept])
+    nodes = sys.modules[addon.steps.place_points.__module__]
+    assert nodes._is_ours(learned, learned_with_set)
+    np.testing.assert_allclose(nodes._edited(learned, [learned_with_set])["pot"][3], BLUE, atol=1e-6)
