@@ -34,6 +34,7 @@ APART = 0.4  # least hue difference of two paints, radians
 VALLEY = 0.6  # density between two paints, relative to that of the weaker one
 NEUTRAL_BINS = np.linspace(0, 0.2, 6)  # saturations that neutrals can have, relative to a paint's
 NEUTRAL_BIN = 0.03  # least share of an object in a bin that is not of a print's rims
+DARK = 15.0  # Lab lightness below which a color is that of shade
 MIN_NEUTRAL = 0.2  # share of an object that makes a single paint a print on something neutral
 ROUNDS = 4  # of correcting a wanted color
 SPARSE = 0.02  # share of an object in a hue bin that counts as a gap
@@ -74,10 +75,14 @@ def object_paints(seen: ColorHistogram) -> tuple[AddedColor, ...]:
     for peak in np.argsort(-density, kind="stable"):
         if density[peak] >= MIN_PAINT and all(_is_apart(density, peak, other) for other in found):
             found.append(peak)
-    if len(found) < 2 and 1 - weights.sum() < MIN_NEUTRAL:
-        return ()
     found.sort(key=lambda peak: -(kernel[peak] @ (weights * saturation)))
-    return tuple(_paint_of_hue(seen, weights * kernel[peak], HUES[found] - HUES[peak]) for peak in found)
+    paints = tuple(_paint_of_hue(seen, weights * kernel[peak], HUES[found] - HUES[peak]) for peak in found)
+    if len(paints) == 1:
+        gate = pigment_gate(seen.colors, paints[0].picked, paints[0].reach, paints[0].protect)
+        is_other = (gate < 0.5) & (lab[:, 0] > DARK)
+        if seen.counts[is_other].sum() < MIN_NEUTRAL * seen.counts.sum():
+            return ()
+    return paints
 
 
 def paint_of(seen: ColorHistogram, color: np.ndarray) -> AddedColor:
