@@ -34,15 +34,16 @@ from ..karf_engine.io.options import Options, bounds_of
 from ..karf_engine.palettes.added import (
     extended_palettes,
     match_added_color,
-    pigment_of_swatch,
+    object_paints,
     propose_added_color,
     split_weights,
     split_weights_of_objects,
+    wanted_color,
 )
 from ..karf_engine.palettes.calibration import ChartFit, ReferenceLight, fit_photo, to_mean_exposure, to_photo_exposure
 from ..karf_engine.palettes.color_books import SUFFIXES as BOOK_SUFFIXES
 from ..karf_engine.palettes.color_books import ColorBook, nearest_names, read_color_book
-from ..karf_engine.palettes.color_histogram import ColorHistogram, read_object_colors
+from ..karf_engine.palettes.color_histogram import ColorHistogram, read_object_colors, weighted_quantile
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
 from ..karf_engine.palettes.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.palettes.compositing import Planes, planes_made_from, read_planes, stack_palettes
@@ -50,6 +51,7 @@ from ..karf_engine.palettes.edge_planes import ObjectEdge, apply_edges_to_planes
 from ..karf_engine.palettes.edge_shape import MAX_CHOKE, MAX_FEATHER, Borders, EdgeShape
 from ..karf_engine.palettes.matching.becomes import (
     add_fixed_paints,
+    is_near,
     match_becomes,
     match_dragged,
     match_fewest,
@@ -58,6 +60,7 @@ from ..karf_engine.palettes.matching.becomes import (
     residual_delta_e,
 )
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
+from ..karf_engine.palettes.matching.paints import pigment_gate
 from ..karf_engine.palettes.matching.surface import MAX_BRIGHTNESS, MAX_FACTOR, Surface, match_surface
 from ..karf_engine.palettes.palette import (
     MAX_ADDED,

@@ -64,6 +64,8 @@ def addon(bpy, monkeypatch):
             setattr(modules, name, importlib.import_module(f"{package}.{name}"))
     modules.render_photos = importlib.import_module(f"{MODULE}.karf_blender.render_engine.photos")
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
+    # swatches are those learned; tests of an object's paints look for them
+    monkeypatch.setattr(modules.palettes, "object_paints", lambda seen: ())
     monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)
     yield modules
     assert not modules.runner.is_running()

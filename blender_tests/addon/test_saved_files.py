@@ -9,11 +9,11 @@ import pytest
 from .saved_files import DATA, TRIALS, everything_stored, run_trial
 
 SAVED = sorted(folder.name for folder in DATA.glob("saved_by_*"))
-FORGOTTEN = {"last", "given"}  # properties that no version needs any more
+FORGOTTEN = {"last", "given", "rule"}  # properties that no version needs any more
 TOLERANCE = 1e-4  # of colors, which numpy versions round differently
 # In 0.1.0 a linked swatch started a drag from the other's color, and merged ones depended on the path of the drag; now
-# each starts from its own color, and only the last color counts.
-CHANGED = {"linked swatch dragged": 0.01, "leader of a merged swatch dragged": 0.15}
+# each starts from its own color, and only the last color counts. The set of an added color was fitted by squares of sRGB.
+CHANGED = {"linked swatch dragged": 0.01, "leader of a merged swatch dragged": 0.15, "added color dragged": 0.01}
 
 
 @pytest.fixture

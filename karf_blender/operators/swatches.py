@@ -127,18 +127,6 @@ class KARF_OT_split_swatch(OneSwatch, bpy.types.Operator):
     swatch_step = steps.split_swatch
 
 
-class KARF_OT_protect_neutrals(OneSwatch, bpy.types.Operator):
-    """Change only this swatch's pigment: lettering, bands, a print. Silver, foil, paper and gloss stay as they are"""
-
-    bl_idname = "karf.protect_neutrals"
-    bl_label = "Protect Neutrals"
-
-    def step(self, context):
-        number = steps.protect_neutrals(context.scene, self.object_name, self.index)
-        if number != self.index:
-            return translate_report("Swatch {number} now changes only this pigment", number=number)
-
-
 class KARF_OT_remove_color(OneSwatch, bpy.types.Operator):
     """Remove this added color. Its pigment follows the other swatches again"""
 

@@ -98,8 +98,15 @@ def draw_left(layout, item):
     elif isinf(left):
         layout.label(text=translate("{name} has no such color: pick one on it", name=item.name), icon="ERROR")
     else:
-        text = translate("Remaining difference: {how} ({number})", how=how_visible(left), number=f"{left:.1f}")
+        text = translate("Remaining difference: {how}", how=how_visible(left))
         layout.label(text=text, icon="CHECKMARK" if left < INVISIBLE else "BLANK1")
+
+
+def draw_moved(layout, item):
+    """Draw how much an edit of a paint, or of the whole object, moves beside the changed paints."""
+    _, moved = displayed.of(item.id_data).moved.get(item.name, ((), 0.0))
+    text = translate("Other paints and neutrals: change is {how}", how=how_visible(moved))
+    layout.label(text=text, icon="CHECKMARK" if moved < INVISIBLE else "INFO")
 
 
 def how_visible(difference):

@@ -24,7 +24,6 @@ def draw_edit(layout, context):
     if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
         layout.label(text="Open an Image Editor to see the picture", icon="INFO")
     draw_view_options(layout, context)
-    layout.prop(karf, "material", icon="MATERIAL")
     for name in object_masks.in_order(context.scene, karf.objects.keys()):
         draw_object(layout.box(), karf.objects[name])
     _draw_looks(layout.box(), context)
@@ -36,6 +35,7 @@ def draw_edit(layout, context):
     body = draw_advanced(layout, "edit")
     if body is not None:
         draw_modes(body, context, ADVANCED_MODES)
+        body.prop(karf, "material")
         body.prop(karf, "compositing", text="Result")
         draw_light(body, context.scene)
 

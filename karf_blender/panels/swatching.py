@@ -9,7 +9,7 @@ from ..pictures import tints
 from ..preferences import color_book
 from ..properties.swatches import KARF_PG_swatch
 from ..swatches import colors
-from .display import draw_left, draw_solo, how_visible
+from .display import draw_left, draw_moved, draw_solo, how_visible
 
 NEAREST = 3  # names offered for a color
 
@@ -22,11 +22,14 @@ def draw_object(layout, item):
     draw_solo(row, item.name, 0)
     row.operator("karf.reset_swatch", text="Reset", icon="LOOP_BACK").object_name = item.name
     row.menu("KARF_MT_palette", text="", icon="DOWNARROW_HLT")
+    if colors.has_paints(item):
+        layout.row().prop(item, "scope", expand=True)
     row = layout.row(align=True)
-    for index, swatch in enumerate(item.swatches):
-        if index and not swatch.merged:  # black is frozen
-            _draw_swatch(row.column(align=True), item, index, swatch)
+    for index in colors.offered(item):
+        _draw_swatch(row.column(align=True), item, index, item.swatches[index])
     row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
+    if colors.has_paints(item):
+        draw_moved(layout, item)
     row = layout.row()
     draw_fold(row, item, "show_becomes")
     row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
@@ -69,7 +72,7 @@ def _draw_swatch(column, item, index, swatch):
 
 
 def _draw_surfaces(layout, item):
-    shown = [(index, swatch) for index, swatch in enumerate(item.swatches) if index and not swatch.merged]
+    shown = [(index, item.swatches[index]) for index in colors.offered(item)]
     table = layout.row(align=True)
     column = table.column(align=True)
     column.label(text="")
@@ -101,7 +104,6 @@ def _draw_becomes(layout, item):
     names.menu("KARF_MT_target_names", text="", icon="COLOR")
     draw_left(layout, item)
     row = layout.row(align=True)
-    row.prop(item, "rule", text="")
     row.prop(item, "live", toggle=True)
     row.operator("karf.becomes", text="Apply").object_name = item.name
 
@@ -142,7 +144,6 @@ class KARF_MT_swatch(bpy.types.Menu):
             layout.prop(swatch, "protect")
             _swatch_operator(layout, "karf.remove_color", context, icon="X")
             return
-        _swatch_operator(layout, "karf.protect_neutrals", context, icon="SELECT_DIFFERENCE")
         layout.menu("KARF_MT_merge")
         _swatch_operator(layout, "karf.merge_swatch", context, text="Remove", icon="X")
         if any(each.merged == _index_of(item, swatch) for each in item.swatches):

@@ -17,9 +17,9 @@ from ..engine_api import MAX_BRIGHTNESS, MAX_CHOKE, MAX_FACTOR, MAX_FEATHER, MAX
 from ..swatches import displayed, edits, gestures
 from .colors import pigment_reach, protected_neutrals, srgb
 
-RULE_ITEMS = [
-    ("becomes", "Material", "Repaint the whole object, keeping light and highlights"),
-    ("fewest", "Fewest swatches", "Reach the color by changing as few swatches as possible"),
+SCOPE_ITEMS = [
+    ("PAINT", "This Paint", "Change one paint; the object's other paints and its neutrals stay"),
+    ("OBJECT", "Whole Object", "Change the swatches of the whole object; the changes of its paints are put aside"),
 ]
 FACTOR = {"default": 1.0, "min": 0.0, "max": MAX_FACTOR, "soft_max": 2.0, "step": 5}
 PIXELS = {"subtype": "PIXEL", "step": 10, "precision": 1}
@@ -96,6 +96,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     locked: BoolProperty(name="Lock", description="Protect this swatch from changes by tools", update=edit_changed)
     link: IntProperty(description="Swatches with the same number share one color. 0: none")
     merged: IntProperty(description="Number of the object's swatch that this one follows. 0: none")
+    is_paint: BoolProperty(description="This color is one of the object's paints")
     is_added: BoolProperty(description="This color was added by hand. Its pigment has a separate set of swatches")
     reach: pigment_reach(options=set(), update=_reach_changed)
     protect: protected_neutrals(options=set(), update=_reach_changed)
@@ -120,7 +121,7 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     target: srgb("Target", 0.5, description="New color for the source", update=_target_changed)
     dragged: IntProperty(description="Number of the last dragged swatch, for keyframes. 0: none")
     held: StringProperty(name="Held", description="Colors set earlier on its paints, kept by Becomes")
-    rule: EnumProperty(name="Rule", items=RULE_ITEMS, update=_target_changed)
+    scope: EnumProperty(name="Scope", description="What a swatch changes", items=SCOPE_ITEMS, update=edit_changed)
     is_metal: BoolProperty(
         name="Metal",
         description="Tint highlights with the paint's color, as on gold or copper. Off: they keep the light's color",

@@ -88,7 +88,6 @@ from .swatches import (
     merge_swatch,
     paint_over,
     pick_chart,
-    protect_neutrals,
     remove_color,
     save_edit,
     set_surface,

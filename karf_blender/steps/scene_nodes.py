@@ -146,19 +146,28 @@ def _is_ours(scene: bpy.types.Scene, each: _Learned) -> bool:
     item = scene.karf.objects.get(each.name)
     if item is None or len(each.colors) < colors.size(item):
         return False
-    return colors.learned(item)[: len(each.colors)].tolist() == each.colors.tolist()
+    return colors.learned(item)[_kept(item)][: len(each.colors)].tolist() == each.colors.tolist()
+
+
+def _kept(item: bpy.types.PropertyGroup) -> np.ndarray:
+    """Return the numbers of the swatches that an edit has."""
+    return np.flatnonzero(colors.state(item).kept)
 
 
 def _edited(scene: bpy.types.Scene, known: Sequence[_Learned]) -> Mapping[str, np.ndarray]:
     """Palettes [M, 3] as the swatches stand, by the object's name."""
-    return {each.name: colors.edited(scene.karf.objects[each.name])[: len(each.colors)] for each in known}
+    items = [scene.karf.objects[each.name] for each in known]
+    return {
+        item.name: colors.edited(item)[_kept(item)][: len(each.colors)] for item, each in zip(items, known, strict=True)
+    }
 
 
 def _follow(scene: bpy.types.Scene, node: bpy.types.Node, known: Sequence[_Learned]) -> None:
     """Drive the node's sockets by the scene's swatches."""
     for each in known:
+        numbers = _kept(scene.karf.objects[each.name])
         for index in range(1, len(each.colors)):
-            source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{index}]'
+            source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{numbers[index]}]'
             drive(node, each.name, index, scene, source)
 
 
@@ -174,7 +183,7 @@ def _warn_of_others(scene: bpy.types.Scene, objects: Sequence[_Learned], what: s
             what=what,
         )
     ours = _with_swatches(scene, objects)
-    fewer = [each.name for each in ours if len(each.colors) < len(items[each.name].swatches)]
+    fewer = [each.name for each in ours if len(each.colors) < len(_kept(items[each.name]))]
     if fewer:
         progress.warn(
             "The {what} lacks colors that were added to {names}: build again to include them.",

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..engine_api import (
     MAX_ADDED,
-    PROTECT,
     AddedColor,
     BadRequest,
     ChartFit,
@@ -21,7 +20,6 @@ from ..engine_api import (
     fit_photo,
     hex_to_rgb,
     linear_to_srgb,
-    pigment_of_swatch,
     propose_added_color,
     read_edit_file,
     rgb_to_hex,
@@ -180,28 +178,6 @@ def add_color(
     return number
 
 
-def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> int:
-    """Restrict a swatch to its own pigment (silver, foil, paper and gloss stay), and return the number to change it by.
-
-    A learned swatch, part of many colors, gets an added color for the pigment that it paints most; itself and what
-    followed it go back to where they were.
-    """
-    swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
-    if swatch.is_added:
-        swatch.protect = max(swatch.protect, PROTECT)
-        return index
-    picked = pigment_of_swatch(displayed.of(scene).learned_histogram(object_name), index)
-    before = gestures.before_drag(item, index)
-    with displayed.batched(scene):
-        number = add_color(scene, object_name, picked, protect=PROTECT)
-        with gestures.suspended(scene):
-            for each, color in zip(item.swatches[: colors.size(item)], before, strict=False):
-                if not each.locked:
-                    each.color = color
-            colors.write_surface(item.swatches[index], Surface())  # the pigment keeps its surface
-    return number
-
-
 def remove_color(scene: bpy.types.Scene, object_name: str, index: int) -> None:
     """Take an added color away: its pigment is the swatches' again."""
     swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
@@ -234,7 +210,7 @@ def becomes(
 ) -> None:
     """Set an object's swatches so that a color, in the photos or `from_edited` in the edited picture, becomes another.
 
-    The rule is `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible). It
+    The rule is `becomes` (the whole object), `paint` (this paint alone) or `fewest` (as few swatches as possible). It
     starts from the swatches as they are if `from_edited`; else only locked ones stay as they are.
     """
     item = edits.object_named(scene, object_name)

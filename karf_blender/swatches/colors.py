@@ -17,17 +17,19 @@ from ..engine_api import (
 )
 from .solving import Becoming, PaletteState, States
 
+BY_PAINT = "PAINT"  # of an object's `scope`
 SURFACE = ("saturation", "brightness", "gloss")
 
 
 # --- reading -------------------------------------------------------------------------------------------------------
 def state(item: bpy.types.PropertyGroup) -> PaletteState:
     """Return an object's swatches."""
-    flags = {name: _numbers(item, name, bool) for name in ("locked", "is_added")}
+    flags = {name: _numbers(item, name, bool) for name in ("locked", "is_added", "is_paint")}
     numbers = {name: _numbers(item, name, np.int32) for name in ("link", "merged")}
     shares = {name: _numbers(item, name, np.float32) for name in ("reach", "protect")}
     surface = np.stack([_numbers(item, name, np.float32) for name in SURFACE], axis=-1)
     rest = {"shift": stored(item, "shift"), "surface": surface, "is_metal": item.is_metal}
+    rest["by_paint"] = item.scope == BY_PAINT
     return PaletteState(item.name, learned(item), chosen(item), **flags, **numbers, **shares, **rest)
 
 
@@ -82,13 +84,29 @@ def palettes(scene: bpy.types.Scene) -> tuple[Palette, ...]:
 
 
 def added(item: bpy.types.PropertyGroup) -> tuple[AddedColor, ...]:
-    """Return the added colors of an object."""
+    """Return the added colors of an object, idle ones among them."""
     return state(item).added
 
 
+def has_paints(item: bpy.types.PropertyGroup) -> bool:
+    """Tell whether an object has paints that can be changed apart."""
+    return any(swatch.is_paint for swatch in item.swatches)
+
+
+def offered(item: bpy.types.PropertyGroup) -> list[int]:
+    """Return the numbers of the swatches that the artist sees: of its paints, or those learned, and those added."""
+    by_paint = item.scope == BY_PAINT and has_paints(item)
+    return [
+        index
+        for index, swatch in enumerate(item.swatches)
+        if index and not swatch.merged and (swatch.is_paint == by_paint or (swatch.is_added and not swatch.is_paint))
+    ]
+
+
 def added_by_object(scene: bpy.types.Scene) -> dict[str, tuple[AddedColor, ...]]:
-    """Return the added colors of the objects that have some, by name."""
-    return {name: each.added for name, each in states(scene).items() if each.added}
+    """Return the added colors of the objects that have some, by name; no idle ones."""
+    kept = {name: tuple(color for color in each.added if color.reach) for name, each in states(scene).items()}
+    return {name: own for name, own in kept.items() if own}
 
 
 def keys(added_colors: Iterable[AddedColor]) -> list[tuple[float, ...]]:
@@ -124,7 +142,8 @@ def becoming(item: bpy.types.PropertyGroup) -> Becoming:
     """Return what an object's source color becomes; its start is the learned palette before any source was picked."""
     source, before = to_mean_exposure(np.array(item.source, np.float32), item.gains), stored(item, "before")
     start = before if before.any() else learned(item)
-    return Becoming(source, np.array(item.target, np.float32), item.rule, start, held(item))
+    rule = "paint" if item.scope == BY_PAINT and has_paints(item) else "becomes"
+    return Becoming(source, np.array(item.target, np.float32), rule, start, held(item))
 
 
 def held(item: bpy.types.PropertyGroup) -> list[np.ndarray]:

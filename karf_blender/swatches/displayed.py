@@ -36,6 +36,7 @@ class DisplayedScene:
     masks: tuple[tuple, ObjectMasks | None] = ((), None)  # as read last, and what from
     histograms: dict[tuple[Path, int, str], ColorHistogram] = field(default_factory=dict)  # by file, time and object
     spread: dict[str, tuple[bytes, ColorHistogram, ColorHistogram]] = field(default_factory=dict)  # see `histogram`
+    moved: dict[str, tuple[tuple, float]] = field(default_factory=dict)  # see `solving.moved_elsewhere`, by object
     left: dict[str, tuple[tuple, float]] = field(default_factory=dict)  # to the target, with what it was found of
     surfaces: dict[str, bytes] = field(default_factory=dict)  # what the surfaces of each object were solved of
     values: bytes = b""  # what the picture was made from
@@ -172,7 +173,9 @@ class DisplayedScene:
         learned = self.learned_histogram(state.name)
         if not state.is_added.any():
             return learned
-        key = b"".join(each.tobytes() for each in (state.learned, state.is_added, state.reach, state.protect))
+        key = b"".join(
+            each.tobytes() for each in (state.learned, state.is_added, state.reach, state.protect, state.idle)
+        )
         known = self.spread.get(state.name)
         if known is None or known[0] != key or known[1] is not learned:
             known = self.spread[state.name] = key, learned, state.spread(learned)
@@ -184,15 +187,23 @@ class DisplayedScene:
         known = self.left.get(item.name)
         return known[1] if known and known[0][:2] == colors.color_pair(item) else None
 
+    def _update_moved(self, item: bpy.types.PropertyGroup) -> None:
+        state = colors.state(item)
+        key = state.key, self.scene.karf.project
+        if state.is_paint.any() and self.moved.get(item.name, ((), 0.0))[0] != key:
+            with suppress(KarfError, OSError):
+                self.moved[item.name] = key, solving.moved_elsewhere(state, self.learned_histogram(item.name))
+
     def update_left(self) -> None:
-        """Bring `solving.left_to_target` up to date with swatches and target colors; never raises."""
+        """Bring what the panel says of swatches and target colors up to date with them; never raises."""
         for item in self.scene.karf.objects:
+            self._update_moved(item)
             source, target = colors.color_pair(item)
             if source == target:
                 self.left.pop(item.name, None)
                 continue
             state, before = colors.state(item), colors.stored(item, "before").tobytes()
-            own = item.rule, item.held, item.is_metal, *item.gains
+            own = item.scope, item.held, item.is_metal, *item.gains
             key = source, target, self.scene.karf.project, *own, state.key, before
             if item.name not in self.left or self.left[item.name][0] != key:
                 try:

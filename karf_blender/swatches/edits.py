@@ -7,7 +7,17 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, EdgeShape, Edit, Surface, color_to_text, colors_of_text, edit_to_json, rgb_to_hex
+from ..engine_api import (
+    BadRequest,
+    EdgeShape,
+    Edit,
+    Surface,
+    color_to_text,
+    colors_of_text,
+    edit_to_json,
+    rgb_to_hex,
+    wanted_color,
+)
 from . import colors, displayed, gestures, groups, solving
 from .solving import Becoming
 
@@ -18,7 +28,7 @@ Edited = Callable[[bpy.types.PropertyGroup], np.ndarray]  # an object's palette,
 
 def current_edit(scene: bpy.types.Scene, edited: Edited = colors.edited) -> Edit:
     """Return the current edit of the scene, with the palettes that `edited` returns."""
-    palettes = {item.name: edited(item) for item in scene.karf.objects}
+    palettes = {item.name: edited(item)[colors.state(item).kept] for item in scene.karf.objects}
     return Edit(palettes, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
 
 
@@ -33,21 +43,24 @@ def apply_edit(scene: bpy.types.Scene, edit: Edit, is_whole: bool = False) -> No
     Other objects and locked swatches stay, merged ones follow; an edit that is a whole state (`is_whole`) sets all.
     Surfaces become neutral: the colors of an edit contain them.
     """
+    rows = {}
     with displayed.batched(scene), gestures.suspended(scene):
         scene.karf.compositing = edit.compositing
         for name in edit.colors:
             item = object_named(scene, name)
             _bake_surfaces(item)
-            groups.replace_added(item, edit.added.get(name, ()), even_locked=is_whole)
+            rows[name] = groups.replace_added(item, edit.added.get(name, ()), even_locked=is_whole)
             shape = edit.edges.get(name, EdgeShape())
             item.choke, item.feather = shape.choke, shape.feather
         states = colors.states(scene)
-        for name, wanted in edit.colors.items():
+        for name, given in edit.colors.items():
             state = states[name]
+            wanted = state.chosen.copy()
+            wanted[rows[name]] = given
             if is_whole:
                 states[name] = state.with_colors(wanted)
                 continue
-            for index in np.flatnonzero(~state.locked & (state.merged == 0)):
+            for index in np.flatnonzero(rows[name] & ~state.locked & (state.merged == 0)):
                 states = solving.assign(states, name, index, wanted[index])
                 states = gestures.solve_sets(scene, states, name, index)
         gestures.write(scene, states)
@@ -108,16 +121,20 @@ def paste(scene: bpy.types.Scene, name: str, index: int | None, text: str) -> No
         set_color(scene, name, index, found[0])
         return
     with displayed.batched(scene):
-        displayed_ones = [swatch for swatch in object_named(scene, name).swatches[1:] if not swatch.merged]
-        for swatch, color in zip(displayed_ones, found, strict=False):
+        item = object_named(scene, name)
+        for number, color in zip(colors.offered(item), found, strict=False):
+            swatch = item.swatches[number]
             if not swatch.locked:
                 swatch.color = color
 
 
 def copied(scene: bpy.types.Scene, name: str, index: int | None) -> str:
     """Return the color of one swatch of an object (None: of all displayed ones) as a text."""
-    swatches = object_named(scene, name).swatches[1:] if index is None else [swatch_at(scene, name, index)]
-    return " ".join(color_to_text(swatch.color) for swatch in swatches if not swatch.merged)
+    item = object_named(scene, name)
+    swatches = [item.swatches[number] for number in colors.offered(item)]
+    if index is not None:
+        swatches = [swatch_at(scene, name, index)]
+    return " ".join(color_to_text(swatch.color) for swatch in swatches)
 
 
 def unlocked(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.PropertyGroup:
@@ -168,10 +185,27 @@ def swatch_at(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.Proper
 def become(item: bpy.types.PropertyGroup, pair: Becoming) -> str:
     """Make one color of an object another; return why not, if so. Raises KarfError without such a color or histogram."""
     scene, state = item.id_data, colors.state(item)
+    if pair.rule == "paint":
+        _become_paint(item, pair)
+        return ""
     wanted, missed = solving.become(state, pair, displayed.of(scene).histogram(state))
-    edit = Edit({item.name: wanted}, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
+    edit = Edit(
+        {item.name: wanted[state.kept]}, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene)
+    )
     apply_edit(scene, edit)
     return missed
+
+
+def _become_paint(item: bpy.types.PropertyGroup, pair: Becoming) -> None:
+    """Make one color of an object another by its paint alone, which is added if there is none."""
+    scene, state, shown = item.id_data, colors.state(item), displayed.of(item.id_data)
+    seen = shown.learned_histogram(item.name)
+    source = solving.learned_source(state, pair, shown.histogram(state))
+    number, color = solving.paint_at(state, seen, source)
+    with displayed.batched(scene):
+        number = number or groups.add_color(item, color, groups.first_set(item, color))
+        wanted = wanted_color(seen, state.palette.colors, color, source, pair.target)
+        set_color(scene, item.name, number, wanted)
 
 
 def become_target(item: bpy.types.PropertyGroup) -> str:

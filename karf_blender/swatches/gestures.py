@@ -99,15 +99,6 @@ def drag_again(item: bpy.types.PropertyGroup) -> None:
             displayed.of(scene).refresh()
 
 
-def before_drag(item: bpy.types.PropertyGroup, index: int) -> np.ndarray:
-    """Return an object's palette [M, 3] as before the drag of a swatch; if unknown, with the swatch as learned."""
-    states = colors.states(item.id_data)
-    if _is_dragged(item, index, states):
-        return _last_drag(item).start
-    own = states[item.name]
-    return np.where(_mask(own, [index])[:, None], own.learned, own.chosen)
-
-
 # --- solving -------------------------------------------------------------------------------------------------------
 def solve_sets(scene: bpy.types.Scene, states: States, name: str, index: int) -> States:
     """Return the states with the sets of a swatch and those linked to it; warn of those that cannot be solved."""

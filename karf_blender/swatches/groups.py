@@ -4,6 +4,7 @@ Linked swatches have one color; the paint of a merged one changes as much as tha
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -59,13 +60,15 @@ def first_set(item: bpy.types.PropertyGroup, color: AddedColor) -> np.ndarray:
     return solving.first_set(colors.state(item), color, displayed.of(item.id_data).learned_histogram(item.name))
 
 
-def add_color(item: bpy.types.PropertyGroup, color: AddedColor, found: np.ndarray | None = None) -> int:
+def add_color(
+    item: bpy.types.PropertyGroup, color: AddedColor, found: np.ndarray | None = None, is_paint: bool = False
+) -> int:
     """Add a color to an object with its set [M, 3], by default as learned; returns its number."""
     count, number = colors.size(item), len(item.swatches)
     with gestures.suspended(item.id_data):
         first = item.swatches.add()
-        first.name = f"Added {number // count}"
-        first.is_added, first.reach, first.protect = True, color.reach, color.protect
+        first.name = f"{'Paint' if is_paint else 'Added'} {number // count}"
+        first.is_added, first.is_paint, first.reach, first.protect = True, is_paint, color.reach, color.protect
         first.learned = first.color = color.picked
         for index in range(1, count):
             swatch, own = item.swatches.add(), item.swatches[index]
@@ -87,14 +90,28 @@ def remove_color(item: bpy.types.PropertyGroup, index: int) -> None:
             item.swatches[number].merged -= count
 
 
-def replace_added(item: bpy.types.PropertyGroup, wanted: Iterable[AddedColor], even_locked: bool = False) -> None:
-    """Replace the added colors of an object. Raises BadRequest if another one is locked, unless `even_locked`."""
-    wanted = tuple(wanted)
-    if colors.keys(wanted) == colors.keys(colors.added(item)):
-        return
+def replace_added(item: bpy.types.PropertyGroup, wanted: Iterable[AddedColor], even_locked: bool = False) -> np.ndarray:
+    """Replace the added colors of an object; paints that are not among them become idle, and come first.
+
+    Return which of its swatches [M] bool are of an edit with the wanted ones. Raises BadRequest if another one is
+    locked, unless `even_locked`.
+    """
+    wanted, state = tuple(wanted), colors.state(item)
+    if colors.keys(wanted) == colors.keys(color for color in state.added if color.reach):
+        return state.kept
     if not even_locked and any(swatch.is_added and swatch.locked for swatch in item.swatches):
         raise BadRequest("An added color of {name!r} is locked.", "Unlock it in its menu.", name=item.name)
-    while len(item.swatches) > colors.size(item):
-        remove_color(item, colors.size(item))
-    for color in wanted:
-        add_color(item, color)
+    paints = {
+        tuple(state.learned[index]): replace(state.added_color(index), reach=float(state.reach[index]))
+        for index in np.flatnonzero(state.is_paint)
+    }
+    known = {tuple(color.picked): color for color in wanted}
+    if paints.keys() & known.keys():
+        item.scope = colors.BY_PAINT
+    while len(item.swatches) > state.size:
+        remove_color(item, state.size)
+    idle = [color for picked, color in paints.items() if picked not in known]
+    for color in (*idle, *wanted):
+        add_color(item, color, is_paint=tuple(color.picked) in paints)
+    numbers = np.arange(len(item.swatches))
+    return (numbers < state.size) | (numbers >= state.size * (1 + len(idle)))

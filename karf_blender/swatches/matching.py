@@ -86,7 +86,7 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
             name=name,
             view=karf.active_view,
         )
-    wanted = {each.name: each.colors for each in found}
+    wanted = {each.name: each.colors[states[each.name].kept] for each in found}
     edits.apply_edit(scene, Edit(wanted, karf.compositing, colors.added_by_object(scene), colors.edges(scene)))
     return found
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -11,6 +11,7 @@ import numpy as np
 from .. import progress
 from ..engine_api import (
     UNIT_GAINS,
+    AddedColor,
     DataError,
     Edit,
     KarfError,
@@ -19,6 +20,7 @@ from ..engine_api import (
     dominant_color,
     file_name,
     hex_to_rgb,
+    object_paints,
     read_palettes,
     rgb_to_hex,
     srgb_to_lab,
@@ -29,7 +31,7 @@ from . import colors, displayed, edits, gestures, groups, keyframes, looks
 from .solving import NEUTRAL, PaletteState
 
 NEAR = 20.0  # largest CIE L*a*b* distance between learned colors of one swatch
-OWN_VALUES = ("rule", "show_becomes", "held", "is_metal", "choke", "feather", "show_edge")
+OWN_VALUES = ("scope", "show_becomes", "held", "is_metal", "choke", "feather", "show_edge")
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,13 @@ class _ObjectEdits:
         state = self.state
         has_color, has_surface = state.chosen != state.learned, state.surface != NEUTRAL
         touched = (has_color | has_surface).any(axis=-1) | state.locked | (state.link > 0) | (state.merged > 0)
-        return set(np.flatnonzero(touched[: state.size]).tolist()) - {0} | set(self.added_places(state.size))
+        own = set(np.flatnonzero(touched[: state.size]).tolist()) - {0}
+        return own | set(np.flatnonzero(state.is_added & ~state.idle).tolist())
+
+    @property
+    def has_sets(self) -> bool:
+        """True if it has added colors, or paints that were changed."""
+        return bool((self.state.is_added & ~self.state.idle).any())
 
     @property
     def has_edge(self) -> bool:
@@ -62,7 +70,7 @@ class _ObjectEdits:
 
     def added_places(self, size: int) -> range:
         """Return the numbers of its added colors behind `size` learned swatches."""
-        return range(size, size * (1 + len(self.state.added)), size)
+        return range(size, size * (1 + self.has_sets * len(self.state.added)), size)
 
     def match(self, new: np.ndarray | None) -> dict[int, int]:
         """Return the numbers of its swatches in another palette [m, 3] with the same added colors, by their own."""
@@ -132,8 +140,11 @@ def _replace(scene: bpy.types.Scene, palettes: Sequence[Palette], before: dict[s
             swatch.name = f"Color {index}" if index else "Black"
             swatch.learned = swatch.color = color
             swatch.locked = index == 0
-        item.source = item.target = _dominant_color(scene, palette)
+        item.source = item.target = _main_color(scene, palette)
         item.gains = UNIT_GAINS
+        if palette.name not in before or not before[palette.name].has_sets:
+            for color in _paints(scene, palette):
+                groups.add_color(item, color, is_paint=True)
         if palette.name in before:
             _restore(item, before[palette.name], palette)
 
@@ -143,8 +154,9 @@ def _restore(item: bpy.types.PropertyGroup, before: _ObjectEdits, palette: Palet
     for name, value in before.own.items():
         setattr(item, name, value)
     state, matches = before.state, before.match(palette.colors)
-    for color in state.added:
-        groups.add_color(item, color)
+    for index in np.flatnonzero(state.is_added) if before.has_sets else ():
+        color = replace(state.added_color(index), reach=float(state.reach[index]))
+        groups.add_color(item, color, is_paint=bool(state.is_paint[index]))
     for old in before.touched & set(matches):
         swatch = item.swatches[matches[old]]
         swatch.locked, swatch.link = bool(state.locked[old]), int(state.link[old])
@@ -158,9 +170,20 @@ def _restore(item: bpy.types.PropertyGroup, before: _ObjectEdits, palette: Palet
             colors.write(item, solved[item.name].chosen)
 
 
-def _dominant_color(scene: bpy.types.Scene, palette: Palette) -> np.ndarray:
-    """Return the color that an object mostly has, [3]; its first swatch's where its colors were not counted."""
+def _paints(scene: bpy.types.Scene, palette: Palette) -> Sequence[AddedColor]:
+    """Return the paints of an object; none where its colors were not counted."""
     try:
+        return object_paints(displayed.of(scene).learned_histogram(palette.name))
+    except (KarfError, OSError):
+        return ()
+
+
+def _main_color(scene: bpy.types.Scene, palette: Palette) -> np.ndarray:
+    """Return the color of an object's main paint, [3], or its most frequent one; its first swatch's if not counted."""
+    try:
+        paints = _paints(scene, palette)
+        if paints:
+            return paints[0].picked
         return dominant_color(displayed.of(scene).learned_histogram(palette.name))
     except (KarfError, OSError):
         return palette.colors[min(1, len(palette.colors) - 1)]

@@ -19,6 +19,7 @@ from ..engine_api import (
     add_fixed_paints,
     ciede2000,
     evaluate_edit,
+    is_near,
     match_added_color,
     match_becomes,
     match_dragged,
@@ -26,14 +27,18 @@ from ..engine_api import (
     match_surface,
     mean_weights,
     nearest_weights,
+    pigment_gate,
+    propose_added_color,
     reached_color,
     residual_delta_e,
     rgb_to_hex,
     shown_colors,
     split_weights,
     srgb_to_lab,
+    weighted_quantile,
 )
 
+HALF, MOST = 0.5, 0.95
 FOREIGN = 10.0  # CIEDE2000 at and above: another color
 LEAST_SHOWN = 1e-3  # share of an object's pixels; a rarer color is a stray one
 UNREACHED = 0.05  # share of a pigment that added colors reach, up to which it is the learned swatches'
@@ -52,6 +57,8 @@ class PaletteState:
     link: np.ndarray  # [M] int: swatches of a scene with the same number have one color; 0: none
     merged: np.ndarray  # [M] int: number of the swatch that moves this one; 0: none
     is_added: np.ndarray  # [M] bool: the first of a set
+    is_paint: np.ndarray  # [M] bool: the same, of a paint that was found and not picked
+    by_paint: bool  # whether the colors given to paints count
     reach: np.ndarray  # [M], of an added color
     protect: np.ndarray  # [M], of an added color
     surface: np.ndarray  # [M, 3]: saturation, brightness, gloss
@@ -74,8 +81,21 @@ class PaletteState:
 
     @property
     def edited(self) -> np.ndarray:
-        """The displayed colors, [M, 3]: the chosen ones with what surfaces add."""
-        return np.clip(self.chosen + self.shift, 0, MAX_SRGB)
+        """The displayed colors, [M, 3]: the chosen ones with what surfaces add; idle sets are as the learned swatches."""
+        colors = np.clip(self.chosen + self.shift, 0, MAX_SRGB)
+        return np.where(self.kept[:, None], colors, colors[np.arange(len(colors)) % self.size])
+
+    @property
+    def idle(self) -> np.ndarray:
+        """Which swatches [M] bool begin the set of a paint that was given nothing: it has no weight."""
+        is_own = (self.chosen != self.learned).any(axis=1) | (self.surface != NEUTRAL).any(axis=1)
+        return self.is_paint & ~(is_own & self.by_paint)
+
+    @property
+    def kept(self) -> np.ndarray:
+        """Which swatches [M] bool an edit has: all but the idle sets."""
+        numbers = np.arange(len(self.learned))
+        return ~self.idle[numbers - numbers % self.size]
 
     @property
     def held(self) -> list[int]:
@@ -96,11 +116,12 @@ class PaletteState:
     def key(self) -> bytes:
         """All that shifts depend on, and the shifts, as one comparable value."""
         arrays = (self.learned, self.chosen, self.shift, self.locked, self.merged, self.is_added)
-        return b"".join(each.tobytes() for each in (*arrays, self.reach, self.protect, self.surface))
+        return b"".join(each.tobytes() for each in (*arrays, self.reach, self.protect, self.surface, self.idle))
 
     def added_color(self, index: int) -> AddedColor:
-        """Return the added color of the set beginning at a swatch."""
-        return AddedColor(self.learned[index], float(self.reach[index]), float(self.protect[index]))
+        """Return the added color of the set beginning at a swatch; an idle one reaches nothing."""
+        reach = 0.0 if self.idle[index] else float(self.reach[index])
+        return AddedColor(self.learned[index], reach, float(self.protect[index]))
 
     def surface_of(self, index: int) -> Surface:
         """Return the surface of a swatch."""
@@ -176,8 +197,10 @@ def _carry(state: PaletteState, leaders: np.ndarray) -> PaletteState:
 # --- added colors --------------------------------------------------------------------------------------------------
 def solve_set(state: PaletteState, index: int, histogram: ColorHistogram) -> PaletteState:
     """Return the state with an added color's set solved by a histogram as learned. Raises BadRequest for black."""
-    found = match_added_color(histogram, state.palette.colors, state.added_color(index), state.chosen[index])
-    chosen = state.chosen.copy()
+    color, chosen = state.added_color(index), state.chosen.copy()
+    found = state.learned[index : index + state.size]
+    if color.reach:
+        found = match_added_color(histogram, state.palette.colors, color, state.chosen[index])
     chosen[index : index + len(found)] = found
     return state.with_colors(chosen)
 
@@ -192,6 +215,27 @@ def first_set(state: PaletteState, color: AddedColor, histogram: ColorHistogram)
     solved = match_added_color(histogram, state.palette.colors, color, looks)
     is_reached = own[state.size :].sum() > UNREACHED
     return solved if is_reached else np.array([looks, *state.edited[1 : state.size]])
+
+
+def paint_at(state: PaletteState, seen: ColorHistogram, color: np.ndarray) -> tuple[int, AddedColor]:
+    """Return the number of the added color that a learned color [3] belongs to; 0 without one, and what to add."""
+    ready = replace(state, is_paint=np.zeros_like(state.is_paint))
+    for index in reversed(np.flatnonzero(state.is_added)):
+        added = ready.added_color(index)
+        if pigment_gate(color[None], added.picked, added.reach, added.protect)[0] > HALF:
+            return int(index), added
+    return 0, propose_added_color(seen, color)
+
+
+def moved_elsewhere(state: PaletteState, seen: ColorHistogram) -> float:
+    """Return the CIEDE2000 that 95 % of the colors of unchanged paints stay below, by a histogram as learned."""
+    gates = [pigment_gate(seen.colors, each.picked, each.reach, each.protect) for each in state.added if each.reach]
+    is_other = np.max([np.zeros(len(seen.colors)), *gates], axis=0) < HALF
+    if not is_other.any():
+        return 0.0
+    after = state.visible(state.spread(seen), state.edited)
+    moved = ciede2000(srgb_to_lab(seen.colors), srgb_to_lab(after))[is_other]
+    return weighted_quantile(moved, seen.counts[is_other], MOST)
 
 
 # --- Material ------------------------------------------------------------------------------------------------------
@@ -253,7 +297,7 @@ class Becoming:
 
     source: np.ndarray  # sRGB [3], in the mean exposure of all photos
     target: np.ndarray  # sRGB [3]
-    rule: str  # "becomes": the whole object gets a new paint; "fewest": as few changed swatches as possible
+    rule: str  # "becomes": the whole object; "paint": this paint alone; "fewest": as few swatches as possible
     start: np.ndarray  # [M, 3], the palette of the picture that shows the source
     held: Sequence[np.ndarray] = ()  # colors that other paints of the object were given with `start` and keep
 
@@ -263,13 +307,7 @@ def become(state: PaletteState, pair: Becoming, histogram: ColorHistogram) -> tu
     held = state.held
     start = np.where(np.isin(np.arange(len(state.chosen)), held)[:, None], state.edited, pair.start)
     visible = state.visible(histogram, start)
-    if not is_shown(visible, histogram.counts, pair.source):
-        raise BadRequest(
-            "{name} shows no color like {color}.",
-            "Pick the left color on the object in the displayed picture.",
-            name=state.name,
-            color=rgb_to_hex(pair.source),
-        )
+    check_shown(state, visible, histogram.counts, pair.source)
     weights = state.gathered(histogram.palette_weights.T).T
     if pair.rule == "fewest":
         nearest = nearest_weights(visible, weights, pair.source)
@@ -283,6 +321,26 @@ def become(state: PaletteState, pair: Becoming, histogram: ColorHistogram) -> tu
     return edited, missed if reason else ""
 
 
+def learned_source(state: PaletteState, pair: Becoming, histogram: ColorHistogram) -> np.ndarray:
+    """Return what the source color of a pair is as learned, sRGB [3]. Raises BadRequest if the object shows no such."""
+    visible = state.visible(histogram, pair.start)
+    check_shown(state, visible, histogram.counts, pair.source)
+    alike = is_near(visible, pair.source)
+    moved = np.average(visible[alike] - histogram.colors[alike], axis=0, weights=histogram.counts[alike] + 1e-9)
+    return np.clip(pair.source - moved, 0, 1)
+
+
+def check_shown(state: PaletteState, visible: np.ndarray, counts: np.ndarray, color: np.ndarray) -> None:
+    """Raise BadRequest if an object that shows these colors [n, 3], so often [n], shows none like a color [3]."""
+    if not is_shown(visible, counts, color):
+        raise BadRequest(
+            "{name} shows no color like {color}.",
+            "Pick the left color on the object in the displayed picture.",
+            name=state.name,
+            color=rgb_to_hex(color),
+        )
+
+
 def is_shown(colors: np.ndarray, counts: np.ndarray, color: np.ndarray) -> bool:
     """True if a color [3] is one of an object that shows `colors` [n, 3] so often, [n]."""
     alike = ciede2000(srgb_to_lab(colors), srgb_to_lab(color)) <= FOREIGN
@@ -292,12 +350,12 @@ def is_shown(colors: np.ndarray, counts: np.ndarray, color: np.ndarray) -> bool:
 def left_to_target(state: PaletteState, pair: Becoming, histogram: ColorHistogram) -> float:
     """Return the mean CIEDE2000 of the whole object to where the source color has become the target.
 
-    By the rule of fewest swatches only the color itself is to be met. Infinity where the object shows no such source.
+    By the rules of one paint and of fewest swatches only the color itself is to be met. Infinity where the object shows no such source.
     """
     before, after = (state.visible(histogram, palette) for palette in (pair.start, state.edited))
     if not is_shown(before, histogram.counts, pair.source):
         return np.inf
-    if pair.rule == "fewest":
+    if pair.rule != "becomes":
         reached = reached_color(before, after, pair.source, histogram.counts)
         return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(pair.target)))
     return residual_delta_e(before, after, histogram.counts, pair.source, pair.target, pair.held, state.is_metal)

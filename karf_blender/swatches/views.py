@@ -89,7 +89,7 @@ class DisplayedView:
             )
         if max(len(palette.colors) for palette in learned.values()) != self.planes.palette_weights.shape[1]:
             raise DataError("{file} was made for other palettes.", "Press Prepare in step 6.", file=self.file)
-        added = colors.added_by_object(scene)
+        added = {name: each.added for name, each in colors.states(scene).items() if each.added}
         if not added:
             return self
         key = repr([(name, colors.keys(own)) for name, own in added.items()])

@@ -38,12 +38,9 @@ def _match_colors(project: Project, options: MatchOptions, edit: ProjectEdit, em
     pairs = [(options.source, options.target), *options.also]
     if light is not None:
         pairs = [(source, rgb_to_hex(light.photographed(as_color(target)))) for source, target in pairs]
-    if options.rule == "added":
-        for source, target in pairs:
-            edit = edit.add_color(options.object, source, target)
-        return edit
     edit = edit.becomes(options.object, *pairs[0], options.rule, pairs[1:], options.is_metal)
-    _report(edit, options.object, pairs, emit)
+    if options.rule != "paint":
+        _report(edit, options.object, pairs, emit)
     return edit
 
 

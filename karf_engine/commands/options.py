@@ -20,7 +20,7 @@ MATCHING = ("auto", "exhaustive", "sequential")
 UP = ("auto", "x", "y", "z", "-x", "-y", "-z")
 FACES = ("front", "right", "back", "left", "up", "down")  # of a 360-degree photo, see `capture.panoramas`
 WITHOUT_PHOTOS = ("cameras", "views", "size", "up")  # options of importing splats
-RULES = ("becomes", "fewest", "added")
+RULES = ("becomes", "paint", "fewest")
 Matrix4 = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float, float, float, float, float
 ]
@@ -311,8 +311,8 @@ class MatchOptions(CalibrationOptions, ProjectOptions):
         metavar=("FROM", "TO"),
     )
     rule: str = option(
-        "becomes: the whole material; fewest: as few swatches as possible; added: this pigment alone, by a color that "
-        "is added to the swatches",
+        "becomes: the whole object; paint: this paint alone, other paints and neutrals stay; fewest: as few swatches as "
+        "possible",
         "becomes",
         choices=RULES,
     )

@@ -12,7 +12,7 @@ from ..errors import BadRequest
 from ..io.arguments import check_arguments
 from ..project.folder import Project
 from ..project.settings import from_dict
-from .added import extended_palettes, match_added_color, split_weights
+from .added import extended_palettes, match_added_color, paint_of, split_weights, wanted_color
 from .color_histogram import read_object_colors
 from .edge_shape import EdgeShape, active_edges
 from .matching.becomes import match_becomes, match_fewest, nearest_weights
@@ -32,7 +32,7 @@ from .palette import (
 from .palette_files import read_edit_file, write_edit_file
 from .prediction import edited_colors
 
-RULES = ("becomes", "fewest")
+RULES = ("becomes", "paint", "fewest")
 Color = str | Sequence[float] | np.ndarray  # #rrggbb, or three sRGB numbers from 0 to 1
 
 
@@ -62,7 +62,8 @@ class ProjectEdit(Edit):
         Args:
             source: A color that the object shows.
             target: The wanted color.
-            rule: `becomes` changes the whole material; `fewest`, for one pair, as few swatches as possible.
+            rule: `becomes` changes the whole object; `paint` only the source's paint, by an added color, so that other
+                paints and neutrals stay; `fewest`, for one pair, as few swatches as possible.
             also: Further pairs of source and target, for an object of several paints. `becomes` solves all pairs
                 together, as sequential edits would confuse a new color with an old paint.
             is_metal: Whether highlights take the paint's color rather than the light's; used by `becomes`.
@@ -70,9 +71,20 @@ class ProjectEdit(Edit):
         pairs = (source, target), *also
         sources = np.stack([as_color(first) for first, _ in pairs])
         targets = np.stack([as_color(second) for _, second in pairs])
+        if rule == "paint":
+            return self._with_paints(name, sources, targets)
         colors = solve(self.project, self._palette(name), sources, targets, rule, is_metal)
         sets = self.colors[name][len(colors) :]
         return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
+
+    def _with_paints(self, name: str, sources: np.ndarray, targets: np.ndarray) -> ProjectEdit:
+        """Return the edit with the paints of source colors changed, as far as they were not yet, each by an added color."""
+        edit, seen = self, read_object_colors(self.project.verified(self.project.object_colors_file), name)
+        for source, target in zip(sources, targets, strict=True):
+            paint = paint_of(seen, source)
+            wanted = wanted_color(seen, self._palette(name).colors, paint, source, target)
+            edit = edit.add_color(name, paint.picked, wanted, paint.reach, paint.protect)
+        return edit
 
     @check_arguments
     def add_color(

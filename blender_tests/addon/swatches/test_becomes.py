@@ -46,23 +46,19 @@ def test_earlier_drags_do_not_hide_the_source_color(bpy, addon, learned, item):
     np.testing.assert_allclose(addon.colors.edited(item), expected, atol=1e-6)
 
 
-def test_remaining_difference_follows_swatches_pair_and_rule(bpy, addon, learned, item):
+def test_remaining_difference_follows_swatches_and_pair(bpy, addon, learned, item):
     api, left_to_target = addon.engine_api, addon.displayed.of(learned).left_to_target
     assert left_to_target(item) is None  # no target color yet
     item.source, item.target = RED, BLUE
     red, blue = (api.srgb_to_lab(np.array(each)) for each in (item.source, item.target))
-    whole = pytest.approx(float(api.ciede2000(red, blue)), abs=1e-3)
-    item.rule = "fewest"
-    assert left_to_target(item) == whole
-    item.rule = "becomes"
+    begun = pytest.approx(left_to_target(item))
+    assert 5 < left_to_target(item) < api.ciede2000(red, blue)
     assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
     assert left_to_target(item) < 1
     addon.steps.set_swatch(learned, "pot", 2, (0.1, 0.9, 0.2))  # a swatch outside the pair
     assert left_to_target(item) > 3
-    item.rule = "fewest"
-    assert left_to_target(item) < 1
     addon.edits.reset(learned, "pot")
-    assert left_to_target(item) == whole
+    assert left_to_target(item) == begun
     item.target = item.source
     assert left_to_target(item) is None
 

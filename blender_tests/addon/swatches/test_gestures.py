@@ -222,7 +222,7 @@ MORE = (
     do("fill", "pot", choke=1.5, feather=2.5),
     do("toggle", "pot", "live"),
     do("toggle", "pot", "is_metal"),
-    do("toggle", "pot", "rule", ("becomes", "fewest")),
+    do("toggle", "pot", "scope", ("PAINT", "OBJECT")),
     do("toggle", "", "material"),
     do("toggle", "", "compositing", ("delta", "paper")),
     do("toggle", "", "active_view", ("photo_0", "photo_1")),
@@ -230,7 +230,6 @@ MORE = (
     operator("add_color", object_name="lid", picked=RICH["lid"][1]),
     lambda artist: setattr(artist.swatch("pot", 5), "reach", 0.7),
     operator("remove_color", object_name="pot", index=5),
-    operator("protect_neutrals", object_name="pot", index=1),
     operator("keep_look"),
     operator("keep_look", name="A"),
     operator("choose_look", name="A"),
@@ -238,7 +237,10 @@ MORE = (
 )
 
 
-def test_shuffled_gestures_undo_and_redo_exactly(bpy, addon, artist, monkeypatch):
+@pytest.mark.parametrize("has_paints", [False, True], ids=["swatches", "paints"])
+def test_shuffled_gestures_undo_and_redo_exactly(bpy, addon, artist, monkeypatch, has_paints):
+    if has_paints:
+        monkeypatch.setattr(addon.palettes, "object_paints", addon.engine_api.object_paints)
     monkeypatch.setattr(bpy.context.preferences.edit, "undo_steps", 200)  # more than there are gestures
     enrich(bpy, artist.folder / "project")
     for name in ("learned.json", "a.json", "a.gpl", "a.ase"):

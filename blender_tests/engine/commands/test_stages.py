@@ -243,7 +243,7 @@ def test_unchanged_or_wrongly_sized_picture_is_rejected(still_life, learned, tmp
     assert not (tmp_path / "out.json").exists()
 
 
-@pytest.mark.parametrize("rule", ["becomes", "fewest"])
+@pytest.mark.parametrize("rule", ["becomes", "paint", "fewest"])
 def test_matched_edits_change_one_object_and_combine(learned, green, tmp_path, rule):
     out = tmp_path / "both.json"
     words = ("--object", "block", "--from", "#2042b0", "--to", "#d0c020", "--rule", rule, "--edit", green, "--out", out)

@@ -11,13 +11,16 @@ from karf_engine.palettes.added import (
     append_added_sets,
     extended_palettes,
     match_added_color,
-    pigment_of_swatch,
+    object_paints,
+    paint_of,
     propose_added_color,
     split_weights,
     split_weights_of_objects,
+    wanted_color,
 )
 from karf_engine.palettes.color_histogram import ColorHistogram
 from karf_engine.palettes.compositing import delta_composite, paper_composite
+from karf_engine.palettes.matching.becomes import mean_weights
 from karf_engine.palettes.matching.paints import pigment_gate
 from karf_engine.palettes.palette import PROTECT, AddedColor, Palette
 
@@ -132,7 +135,6 @@ def test_protection_is_proposed_from_the_object_colors(share_of_silver, picked, 
     color = propose_added_color(silver_with_letters(share_of_silver), picked)
     assert color.protect == protect
     assert picked is RED or color.reach == AddedColor(RED).reach  # a gray has no hue to propose by
-    assert mean_ciede2000(pigment_of_swatch(silver_with_letters(share_of_silver), 1)[None], RED[None]) < 10
 
 
 def test_proposed_reach_ends_before_the_next_pigment():
@@ -141,3 +143,65 @@ def test_proposed_reach_ends_before_the_next_pigment():
     assert propose_added_color(alone, RED).reach == pytest.approx(0.75)
     reach = propose_added_color(both, RED).reach
     assert pigment_gate(orange, RED, reach).max() < 0.1 < pigment_gate(orange, RED, 1).max()
+
+
+BLUE, PAPER = np.array([0.15, 0.25, 0.75]), np.array([0.9, 0.9, 0.88])
+
+
+def painted(**shares):
+    """The histogram of an object with shares of these colors, lit and in shade."""
+    known = {"red": RED, "blue": BLUE, "violet": VIOLET, "silver": SILVER, "paper": PAPER}
+    colors = np.concatenate([lit(known[name]) for name in shares]).astype(np.float32)
+    return histogram_of(colors, PALETTE)._replace(counts=np.repeat(list(shares.values()), 20))
+
+
+@pytest.mark.parametrize(
+    ("shares", "wanted"),
+    [
+        ({"red": 1.0}, []),
+        ({"red": 0.9, "paper": 0.1}, []),  # highlights alone
+        ({"red": 0.3, "silver": 0.7}, [RED]),
+        ({"red": 0.6, "blue": 0.4}, [RED, BLUE]),
+        ({"red": 0.1, "blue": 0.2, "paper": 0.7}, [BLUE, RED]),
+        ({"silver": 0.5, "paper": 0.5}, []),
+    ],
+    ids=["one paint", "one with highlights", "a print on silver", "two", "two on paper", "neutrals"],
+)
+def test_paints_are_those_that_an_object_shows_beside_others(shares, wanted):
+    seen = painted(**shares)
+    paints = object_paints(seen)
+    assert len(paints) == len(wanted)
+    for paint, color in zip(paints, wanted, strict=True):
+        gate = pigment_gate(np.stack([RED, BLUE, SILVER, PAPER]), paint.picked, paint.reach, paint.protect)
+        assert gate.max() > 0.9
+        assert mean_ciede2000(paint.picked[None], color[None]) < 15
+        assert np.sort(gate)[:-1].max() < 0.05
+        np.testing.assert_array_equal(paint_of(seen, color).picked, paint.picked)
+
+
+def test_changed_paint_leaves_other_paints_and_neutrals_and_takes_its_rims_along():
+    rims = 0.5 * lit(RED) + 0.5 * lit(SILVER)
+    seen = painted(red=0.3, blue=0.3, silver=0.4)
+    paint = paint_of(seen, RED)
+    colors = np.concatenate([lit(RED), lit(BLUE), lit(SILVER), rims]).astype(np.float32)
+    shares = split_weights(histogram_of(colors, PALETTE).palette_weights.T, PALETTE, [paint]).T
+    change = shares @ (match_edit(paint, GREEN, seen=seen) - append_added_sets(PALETTE, [paint]))
+    moved = np.linalg.norm(change, axis=1).reshape(4, 20).mean(axis=1)
+    assert moved[1:3].max() < 0.01 < 0.3 * moved[0] < moved[3] < 0.8 * moved[0]
+
+
+def test_added_color_without_reach_changes_nothing():
+    color = AddedColor(RED.astype(np.float32), 0.0)
+    shares = split_weights(WEIGHTS, PALETTE, [color])
+    np.testing.assert_array_equal(shares[:4], WEIGHTS)
+    assert not shares[4:].any()
+
+
+@pytest.mark.parametrize("shade", [0.5, 1.0])
+def test_wanted_color_turns_the_source_into_the_target(shade):
+    source, seen = lit(RED)[int(19 * shade)], painted(red=0.3, blue=0.3, silver=0.4)
+    paint = paint_of(seen, source)
+    wanted = wanted_color(seen, PALETTE, paint, source, GREEN)
+    shares = split_weights(mean_weights(*seen, source)[:, None], PALETTE, [paint])[:, 0]
+    change = shares @ (match_edit(paint, wanted, seen=seen) - append_added_sets(PALETTE, [paint]))
+    assert mean_ciede2000((source + change)[None], GREEN[None]) < 1
