@@ -14,24 +14,33 @@ from .display import draw_left, draw_solo, how_visible
 NEAREST = 3  # names offered for a color
 
 
-def draw_object(layout, item):
+def draw_object(layout, item, is_advanced):
     """An object's swatches side by side, and what one of its colors is to become."""
     row = layout.row()
     row.context_pointer_set("karf_object", item)
     row.label(text=item.name, icon="OBJECT_DATA")
-    draw_solo(row, item.name, 0)
+    if is_advanced:
+        draw_solo(row, item.name, 0)
     row.operator("karf.reset_swatch", text="Reset", icon="LOOP_BACK").object_name = item.name
-    row.menu("KARF_MT_palette", text="", icon="DOWNARROW_HLT")
+    if is_advanced:
+        row.menu("KARF_MT_palette", text="", icon="DOWNARROW_HLT")
     row = layout.row(align=True)
     for index, swatch in enumerate(item.swatches):
         if index and not swatch.merged:  # black is frozen
             _draw_swatch(row.column(align=True), item, index, swatch)
-    row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
+    if is_advanced:
+        row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
     row = layout.row()
     draw_fold(row, item, "show_becomes")
-    row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
+    if is_advanced:
+        row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
     if item.show_becomes:
         _draw_becomes(layout, item)
+    if is_advanced:
+        _draw_more(layout, item)
+
+
+def _draw_more(layout, item):
     row = layout.row()
     draw_fold(row, item, "show_surface")
     draw_fold(row, item, "show_edge")
