@@ -1,4 +1,4 @@
-"""Steps 1 to 5: the capture, masks, and what is learned."""
+"""Steps 1 to 3: the capture, masks, and what is learned."""
 
 import bpy
 

@@ -1,4 +1,4 @@
-"""Step 6: an object's swatches, their menus, and names of colors."""
+"""Step 4: an object's swatches, their menus, and names of colors."""
 
 import bpy
 import numpy as np

@@ -264,7 +264,9 @@ def test_no_state_moves_a_button(addon, first, desk, change, monkeypatch):
 
     def rows():
         drawn = {name: first(name)[0] for name in addon.states.STEPS}
-        return {name: [each.index(button) for button in each if button.startswith("karf.")] for name, each in drawn.items()}
+        return {
+            name: [each.index(button) for button in each if button.startswith("karf.")] for name, each in drawn.items()
+        }
 
     before = rows()
     change(desk)
