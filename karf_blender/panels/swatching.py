@@ -78,26 +78,25 @@ def _draw_swatch(column, item, index, swatch):
 
 
 def _draw_surfaces(layout, item):
-    shown = [(index, swatch) for index, swatch in enumerate(item.swatches) if index and not swatch.merged]
     table = layout.row(align=True)
-    column = table.column(align=True)
-    column.label(text="")
-    for _, swatch in shown:
-        column.label(text="", icon_value=tints.icon(swatch.color))
+    names = table.column(align=True)
+    for text in ("", *(KARF_PG_swatch.bl_rna.properties[name].name for name in colors.SURFACE)):
+        names.label(text=text)
+    for index, swatch in enumerate(item.swatches):
+        if index and not swatch.merged:
+            _draw_surface(table.column(align=True), item, index, swatch)
+
+
+def _draw_surface(column, item, index, swatch):
+    column.label(text="", icon_value=tints.icon(swatch.color))
+    fields = column.column(align=True)
+    fields.enabled = not swatch.locked
     for name in colors.SURFACE:
-        column = table.column(align=True)
-        column.label(text=KARF_PG_swatch.bl_rna.properties[name].name)
-        for _, swatch in shown:
-            field = column.row(align=True)
-            field.enabled = not swatch.locked
-            field.prop(swatch, name, text="", slider=True)
-    column = table.column(align=True)
-    column.label(text="")
-    for index, swatch in shown:
-        button = column.row(align=True)
-        button.enabled = not colors.surface_of(swatch).is_neutral
-        reset = button.operator("karf.reset_surface", text="", icon="LOOP_BACK")
-        reset.object_name, reset.index = item.name, index
+        fields.prop(swatch, name, text="", slider=True)
+    button = column.row(align=True)
+    button.enabled = not colors.surface_of(swatch).is_neutral
+    reset = button.operator("karf.reset_surface", text="", icon="LOOP_BACK")
+    reset.object_name, reset.index = item.name, index
 
 
 def _draw_becomes(layout, item):
