@@ -4,17 +4,19 @@ from types import SimpleNamespace
 
 
 class Layout:
-    """Checks what is drawn and records it."""
+    """Checks what is drawn and records it; `controls` are the names that a user reads of what can be clicked."""
 
-    def __init__(self, bpy, drawn):
-        self._bpy, self._drawn = bpy, drawn
+    opens_advanced = True
+
+    def __init__(self, bpy, drawn, controls=None):
+        self._bpy, self._drawn, self.controls = bpy, drawn, [] if controls is None else controls
 
     def _add(self, *texts, icon="NONE", **_):
         assert icon in self._bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
         self._drawn.extend(texts)
 
     def row(self, **_):
-        return Layout(self._bpy, self._drawn)
+        return type(self)(self._bpy, self._drawn, self.controls)
 
     column = box = grid_flow = split = row
 
@@ -22,9 +24,10 @@ class Layout:
         return self.row(), self.row()
 
     def panel_prop(self, data, name):
-        """Always open, to check its content too."""
+        """Open, to check its content too."""
         assert name in data.bl_rna.properties
-        return self.row(), self.row()
+        is_open = self.opens_advanced or data.bl_rna.identifier != "KARF_PG_advanced"
+        return self.row(), self.row() if is_open else None
 
     def popover(self, panel, text="", **options):
         self._add(text, **options)
@@ -43,8 +46,9 @@ class Layout:
         assert 0 <= factor <= 1
         self._add(text)
 
-    def prop(self, data, name, **options):
+    def prop(self, data, name, text=None, **options):
         assert name in data.bl_rna.properties
+        self.controls.append(data.bl_rna.properties[name].name if text is None else text)
         self._add(name, **options)
 
     def prop_enum(self, data, name, value, **options):
@@ -61,23 +65,30 @@ class Layout:
     def template_list(self, kind, name, data, collection, active_data, active, **_):
         assert hasattr(self._bpy.types, kind)
         assert collection in data.bl_rna.properties and active in active_data.bl_rna.properties
+        self.controls.append("")
         self._add(kind)
 
     def menu(self, name, text="", **options):
         assert hasattr(self._bpy.types, name)
+        self.controls.append(text)
         self._add(name, **options)
 
-    def operator(self, name, text="", **options):
-        self._add(text, name, **options)
+    def operator(self, name, text=None, **options):
+        self.controls.append(self._type_of(name).name if text is None else text)
+        self._add(text or "", name, **options)
         return Properties(self._properties_of(name))
 
     def operator_menu_enum(self, name, enum, **options):
         assert enum in self._properties_of(name)
+        self.controls.append(self._type_of(name).name)
         self._add(**options)
 
     def _properties_of(self, operator):
+        return set(self._type_of(operator).properties.keys())
+
+    def _type_of(self, operator):
         group, _, verb = operator.partition(".")
-        return set(getattr(getattr(self._bpy.ops, group), verb).get_rna_type().properties.keys())
+        return getattr(getattr(self._bpy.ops, group), verb).get_rna_type()
 
 
 class Properties:

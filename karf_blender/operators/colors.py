@@ -1,4 +1,4 @@
-"""Step 6: colors picked in the picture or in a color book, and the color chart."""
+"""Step 4: colors picked in the picture or in a color book, and the color chart."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class KARF_OT_add_color(Undoable, bpy.types.Operator):
     @reports_errors
     def invoke(self, context, event):
         if not list(_pictures(context)):
-            raise BadRequest("No Image Editor shows the recolored picture.", "Open one, and press Show in step 6.")
+            raise BadRequest("No Image Editor shows the recolored picture.", "Open one, and press Show in step 4.")
         context.window_manager.modal_handler_add(self)
         magnifier = session.get(_Loupe)
         magnifier.mouse, magnifier.object_name = None, self.object_name

@@ -1,4 +1,4 @@
-"""Step 3: objects and their masks, and the tools that mark a photo: click, box, lasso, brush."""
+"""Step 2: objects and their masks, and the tools that mark a photo: click, box, lasso, brush."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty

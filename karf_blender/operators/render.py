@@ -1,4 +1,4 @@
-"""Step 7: recolored photos, camera frames, compositor nodes and Blender's own renders."""
+"""Step 5: recolored photos, camera frames, compositor nodes and Blender's own renders."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty

@@ -1,4 +1,4 @@
-"""Step 7: the scene as points and Gaussian splats, in the 3D View and in files."""
+"""Step 5: the scene as points and Gaussian splats, in the 3D View and in files."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty

@@ -1,4 +1,4 @@
-"""Step 6: swatches, palettes and edits."""
+"""Step 4: swatches, palettes and edits."""
 
 from collections.abc import Callable
 from pathlib import Path

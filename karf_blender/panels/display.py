@@ -4,7 +4,7 @@ from math import isinf
 
 import bpy
 
-from .. import session
+from .. import preferences, session
 from ..host.words import translate
 from ..pictures import tints
 from ..project import disk
@@ -23,8 +23,8 @@ def draw_space(layout, karf, name):
 
 
 def draw_advanced(layout, step):
-    """Return the layout of a step's folded group of advanced options, None while it is folded."""
-    header, body = layout.panel(f"karf_{step}_advanced", default_closed=True)
+    """Return the layout of a step's advanced controls, None while they are folded; the preferences remember it."""
+    header, body = layout.panel_prop(preferences.current().advanced, f"show_{step}")
     header.label(text="Advanced")
     return body
 
@@ -36,11 +36,9 @@ INVISIBLE, CLOSE = 1.0, 3.0  # CIEDE2000 below which a difference is invisible, 
 
 
 def draw_view_options(layout, context):
-    """Draw the choice of what is shown of the active view, and the split view."""
+    """Draw the split view, and what is shown over the picture."""
     seeing = context.window_manager.karf_seeing
-    column = layout.column(align=True)
-    draw_modes(column, context, MODES)
-    row = column.row(align=True)
+    row = layout.row(align=True)
     row.prop(seeing, "is_wiped", text="", icon="ARROW_LEFTRIGHT")
     row.prop(seeing, "wipe", slider=True)
     row.operator("karf.drag_wipe", text="", icon="VIEW_PAN")

@@ -1,43 +1,48 @@
-"""Step 6: the swatches of all objects, looks, matching a picture, the color chart."""
+"""Step 4: the swatches of all objects, looks, matching a picture, the color chart."""
 
 import bpy
 
+from .. import preferences
 from ..host.words import draw_text, translate
 from ..project import disk
 from ..swatches import colors, looks, object_masks
 from ..tasks import queries
-from .display import ADVANCED_MODES, draw_advanced, draw_modes, draw_view, draw_view_options, how_visible
+from .display import ADVANCED_MODES, MODES, draw_advanced, draw_modes, draw_view, draw_view_options, how_visible
 from .swatching import draw_fold, draw_object
 
 
 def draw_edit(layout, context):
     karf = context.scene.karf
     if not karf.objects:
-        layout.label(text="Swatches appear after step 5", icon="INFO")
+        layout.label(text="Swatches appear after step 3", icon="INFO")
         return
     row = layout.row(align=True)
     draw_view(row, karf)
     is_prepared = disk.contents_of(context.scene).is_prepared
     row.operator("karf.show_view", text="Show" if is_prepared else "Prepare", icon="IMAGE_DATA")
+    draw_modes(layout, context, MODES)
+    layout.prop(karf, "material", icon="MATERIAL")
+    is_advanced = preferences.current().advanced.show_edit
+    for name in object_masks.in_order(context.scene, karf.objects.keys()):
+        draw_object(layout.box(), karf.objects[name], is_advanced)
+    _draw_looks(layout.box(), context)
     if not is_prepared:
         draw_text(layout, translate("Press Prepare to show {view} recolored", view=karf.active_view), "INFO")
     if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
         layout.label(text="Open an Image Editor to see the picture", icon="INFO")
-    draw_view_options(layout, context)
-    for name in object_masks.in_order(context.scene, karf.objects.keys()):
-        draw_object(layout.box(), karf.objects[name])
-    _draw_looks(layout.box(), context)
-    _draw_match(layout.box(), karf)
-    row = layout.row(align=True)
+    body = draw_advanced(layout, "edit")
+    if body is None:
+        return
+    draw_view_options(body, context)
+    _draw_match(body.box(), karf)
+    row = body.row(align=True)
     row.operator("karf.load_edit", icon="FILE_FOLDER")
     row.operator("karf.save_edit", icon="FILE_TICK")
-    layout.operator("karf.prepare_views", icon="RENDERLAYERS")
-    body = draw_advanced(layout, "edit")
-    if body is not None:
-        draw_modes(body, context, ADVANCED_MODES)
-        body.prop(karf, "material")
-        body.prop(karf, "compositing", text="Result")
-        draw_light(body, context.scene)
+    body.operator("karf.prepare_views", icon="RENDERLAYERS")
+    draw_modes(body, context, ADVANCED_MODES)
+    body.prop(karf, "material")
+    body.prop(karf, "compositing", text="Result")
+    draw_light(body, context.scene)
 
 
 def _draw_match(layout, karf):

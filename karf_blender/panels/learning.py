@@ -1,4 +1,4 @@
-"""Steps 1 to 5: the capture, masks, and what is learned."""
+"""Steps 1 to 3: the capture, masks, and what is learned."""
 
 import bpy
 
@@ -11,35 +11,39 @@ from ..preferences import state
 from ..project import disk, moving
 from ..rig import reprojection
 from ..tasks import queries
-from ..workspace import estimates
+from ..workspace import estimates, states
 from .display import draw_advanced, draw_masks, draw_render_learned, draw_space, draw_view
 
 
 def draw_import(layout, context):
     """Draw step 1; before anything is imported, also what is missing to continue."""
     karf = context.scene.karf
-    if not karf.project:
-        _draw_engine(layout)
     layout.operator("karf.import_capture", icon="IMPORT")
-    layout.operator("karf.find_poses", icon="CON_CAMERASOLVER")
-    layout.operator("karf.import_splat", icon="OUTLINER_OB_POINTCLOUD")
+    if not karf.project:
+        layout.operator("karf.find_poses", icon="CON_CAMERASOLVER")
+        _draw_engine(layout)
+    _draw_advice(layout, karf)
+    body = draw_advanced(layout, "import")
+    if body is None:
+        return
+    if karf.project:
+        body.operator("karf.find_poses", icon="CON_CAMERASOLVER")
+    body.operator("karf.import_splat", icon="OUTLINER_OB_POINTCLOUD")
     if not karf.project:
         return
-    row = layout.row(align=True)
+    row = body.row(align=True)
     row.operator("karf.look_through", text=karf.active_view, icon="VIEW_CAMERA", translate=False)
     row.prop(karf.looking, "hides_others", text="", icon="HIDE_ON" if karf.looking.hides_others else "HIDE_OFF")
     row.operator("karf.leave_view", text="", icon="LOOP_BACK")
-    _draw_photos(layout, karf)
-    _draw_advice(layout, karf)
-    row = layout.row(align=True)
+    _draw_photos(body, karf)
+    body.operator("karf.check_capture", icon="VIEWZOOM")
+    row = body.row(align=True)
     row.prop(karf, "project")
     row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "project"
     if bpy.data.filepath and moving.is_hidden(context.scene):
-        layout.operator("karf.move_project", icon="FILE_FOLDER")
-    body = draw_advanced(layout, "import")
-    if body is not None:
-        _draw_reprojection(body, context.scene)
-        draw_space(body, karf, "photo_space")
+        body.operator("karf.move_project", icon="FILE_FOLDER")
+    _draw_reprojection(body, context.scene)
+    draw_space(body, karf, "photo_space")
 
 
 class KARF_UL_views(bpy.types.UIList):
@@ -73,7 +77,6 @@ def _photo_counts(views) -> str:
 
 
 def _draw_advice(layout, karf):
-    layout.operator("karf.check_capture", icon="VIEWZOOM")
     if queries.is_waiting("inspect"):
         layout.label(text="The engine is working", icon="SORTTIME")
         return
@@ -98,20 +101,30 @@ def _draw_reprojection(layout, scene):
 
 
 def draw_learn(layout, context):
-    if context.scene.karf.is_poor:
-        draw_text(layout, context.scene.karf.advice.splitlines()[0], "ERROR")
-    layout.prop(context.scene.karf, "preset")
-    if context.scene.karf.project:
+    """Draw step 3: what varies in height stands below the buttons, which stay under the mouse."""
+    scene, karf = context.scene, context.scene.karf
+    layout.prop(karf, "preset")
+    _draw_timed(layout, scene, "learn_all", "PLAY")
+    draw_text(layout, states.state_of(scene, "learn").reason, "FILE_REFRESH")
+    if karf.is_poor:
+        draw_text(layout, karf.advice.splitlines()[0], "ERROR")
+    if karf.project:
         _draw_engine(layout)
-    for name, icon in (("learn_scene", "OUTLINER_OB_VOLUME"), ("learn_all", "PLAY")):
-        column = layout.column(align=True)
-        column.operator(f"karf.{name}", icon=icon)
-        seconds = estimates.seconds(context.scene.karf.preset, name, is_open=context.scene.karf.n_points > 0)
-        if seconds is not None:
-            column.label(text=duration(seconds), icon="TIME")
     body = draw_advanced(layout, "learn")
-    if body is not None:
-        body.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name does not fit
+    if body is None:
+        return
+    _draw_timed(body, scene, "learn_scene", "OUTLINER_OB_VOLUME")
+    body.prop(karf, "nerf", text="NeRF")  # the whole name does not fit
+    _draw_segment(body, context)
+    body.operator("karf.extract_palette", icon="COLOR")
+
+
+def _draw_timed(layout, scene, name, icon):
+    """Draw the button of a job, and below it always one line: how long it takes on this computer, if that is known."""
+    column = layout.column(align=True)
+    column.operator(f"karf.{name}", icon=icon)
+    seconds = estimates.seconds(scene.karf.preset, name, is_open=scene.karf.n_points > 0)
+    column.label(text="" if seconds is None else duration(seconds), icon="TIME")
 
 
 def duration(seconds):
@@ -135,16 +148,14 @@ def _draw_engine(layout):
         layout.operator("preferences.addon_show", text="KaRF Preferences", icon="PREFERENCES").module = extension
 
 
-def draw_segment(layout, context):
+def _draw_segment(layout, context):
     layout.operator("karf.segment", icon="MOD_MASK")
     known = disk.contents_of(context.scene)
     if "segmentation" not in known.stages:
         return
-    if not context.scene.karf.objects:  # then step 6 has them
+    if not context.scene.karf.objects:  # then step 4 has them
         draw_masks(layout, context)
-    body = draw_advanced(layout, "segment") if known.unsure else None
-    if body is not None:
-        _draw_unsure(body, context, known)
+    _draw_unsure(layout, context, known)
 
 
 def _draw_unsure(layout, context, known):
@@ -156,13 +167,9 @@ def _draw_unsure(layout, context, known):
         else:
             text = translate("{name}: {share} % unsure, marks and colors disagree", **shown)
         draw_text(layout, text, "QUESTION")
-    if not context.scene.karf.objects:  # then step 6 has it
+    if known.unsure and not context.scene.karf.objects:  # then step 4 has it
         layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
         draw_render_learned(layout, context)
-
-
-def draw_palette(layout, context):
-    layout.operator("karf.extract_palette", icon="COLOR")
 
 
 class KARF_UL_objects(bpy.types.UIList):
@@ -183,30 +190,30 @@ def draw_mark(layout, context):
     column = row.column(align=True)
     column.operator("karf.add_object", text="", icon="ADD")
     column.operator("karf.remove_object", text="", icon="REMOVE")
-    _draw_view_steps(layout, scene)
+    draw_view(layout, scene.karf)
     layout.operator("karf.mark", icon="RESTRICT_SELECT_OFF")
-    layout.label(text="Ctrl: exclude from the object" if marking.correct else "Ctrl: take away", icon="MOUSE_LMB")
-    layout.prop(marking, "brush")
-    layout.operator_menu_enum("karf.set_volume", "kind", icon="CUBE")
-    known = disk.contents_of(scene)
-    if "segmentation" in known.stages:
-        layout.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")
-        suggested = known.suggested
-        text = translate("Mark next: {view}", view=suggested[0]) if suggested else translate("Suggested View")
-        layout.operator("karf.go_to_suggested", text=text, icon="LIGHT")
-        if known.any_view_helps:
-            layout.label(text="All views would help about equally", icon="BLANK1")
-    layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
-    if state.known().problem:
-        draw_text(layout, "Without the engine, a box marks a rectangle and clicks do nothing.", "INFO")
     if queries.is_waiting("propose") or queries.is_waiting("correct"):
         layout.label(text="The engine is working", icon="SORTTIME")
-    layout.prop(scene.karf, "masks")
-
-
-def _draw_view_steps(layout, scene):
-    row = layout.row(align=True)
-    draw_view(row, scene.karf)
+    else:
+        layout.label(text="Ctrl: exclude from the object" if marking.correct else "Ctrl: take away", icon="MOUSE_LMB")
+    if state.known().problem:
+        draw_text(layout, "Without the engine, a box marks a rectangle and clicks do nothing.", "INFO")
+    body = draw_advanced(layout, "mark")
+    if body is None:
+        return
+    row = body.row(align=True)
     for icon, by, marked in (("TRIA_LEFT", -1, False), ("TRIA_RIGHT", 1, False), ("FF", 1, True)):
         button = row.operator("karf.go_to_view", text="", icon=icon)
         button.by, button.marked = by, marked
+    body.prop(marking, "brush")
+    body.operator_menu_enum("karf.set_volume", "kind", icon="CUBE")
+    known = disk.contents_of(scene)
+    if "segmentation" in known.stages:
+        body.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")
+        suggested = known.suggested
+        text = translate("Mark next: {view}", view=suggested[0]) if suggested else translate("Suggested View")
+        body.operator("karf.go_to_suggested", text=text, icon="LIGHT")
+        if known.any_view_helps:
+            body.label(text="All views would help about equally", icon="BLANK1")
+    body.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
+    body.prop(scene.karf, "masks")

@@ -1,4 +1,4 @@
-"""Step 7: pictures, and a group for each other kind of result."""
+"""Step 5: pictures, and a group for each other kind of result."""
 
 import bpy
 
@@ -13,26 +13,27 @@ from .splats import draw_splats
 
 
 def draw_render(layout, context):
-    """Draw step 7; the dialogs of its buttons ask for the rest."""
+    """Draw step 5; the dialogs of its buttons ask for the rest."""
     karf = context.scene.karf
-    row = layout.row(align=True)
-    row.prop(karf, "out")
-    row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "out"
-    layout.prop(karf, "file_names")
     layout.label(text=outputs.shown_path(karf.id_data), icon="FILE_IMAGE", translate=False)
     column = layout.column(align=True)
     column.operator("karf.render_view", text="This View", icon="IMAGE_DATA")
     column.operator("karf.render_looks", text="All Looks", icon="COLOR")
     column.operator("karf.render_capture", text="Captured Views", icon="RENDERLAYERS")
-    column.operator("karf.render_camera", text="Camera's Frames", icon="RENDER_ANIMATION")
-    for name, title, draw_group in GROUPS:
-        header, body = layout.panel(f"karf_render_{name}", default_closed=name != "views")
-        header.label(text=title)
-        if body is not None:
-            draw_group(body, karf)
     body = draw_advanced(layout, "render")
-    if body is not None:
-        body.operator("karf.farm_bundle", icon="NETWORK_DRIVE")
+    if body is None:
+        return
+    row = body.row(align=True)
+    row.prop(karf, "out")
+    row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "out"
+    body.prop(karf, "file_names")
+    body.operator("karf.render_camera", text="Camera's Frames", icon="RENDER_ANIMATION")
+    for name, title, draw_group in GROUPS:
+        header, group = body.panel(f"karf_render_{name}", default_closed=name != "views")
+        header.label(text=title)
+        if group is not None:
+            draw_group(group, karf)
+    body.operator("karf.farm_bundle", icon="NETWORK_DRIVE")
 
 
 def _draw_views(layout, karf):
@@ -73,9 +74,7 @@ def _draw_compositor(layout, karf):
     column = layout.column(align=True)
     column.operator("karf.build_compositor", icon="NODETREE")
     column.operator("karf.build_compositor", text="Build, Follow Swatches", icon="DRIVER").driven = True
-    body = draw_advanced(layout, "compositor")
-    if body is not None:
-        draw_space(body, karf, "layer_space")
+    draw_space(layout, karf, "layer_space")
 
 
 def _draw_live(layout, karf):
@@ -106,7 +105,7 @@ def _draw_surface(layout, karf):
 
 # name, title, what it draws
 GROUPS = (
-    ("views", translatable("Any View"), _draw_views),
+    ("views", translatable("New Views"), _draw_views),
     ("live", translatable("Live Camera"), _draw_live),
     ("sequence", translatable("Rendered Frames"), _draw_sequence),
     ("colorways", translatable("Colorways"), _draw_colorways),

@@ -30,12 +30,10 @@ class Section:
 
 SECTIONS = (
     Section("import", translatable("1  Import"), learning.draw_import, STEPS, "learn"),
-    Section("learn", translatable("2  Learn Scene"), learning.draw_learn, STEPS, "learn"),
-    Section("mark", translatable("3  Mark Objects"), learning.draw_mark, PICTURE, "mark"),
-    Section("segment", translatable("4  Segment"), learning.draw_segment, STEPS, "correct"),
-    Section("palette", translatable("5  Palette"), learning.draw_palette, STEPS, "recolor"),
-    Section("edit", translatable("6  Edit"), editing.draw_edit, PICTURE, "recolor"),
-    Section("render", translatable("7  Render"), rendering.draw_render, STEPS, "render"),
+    Section("mark", translatable("2  Mark"), learning.draw_mark, PICTURE, "mark"),
+    Section("learn", translatable("3  Learn"), learning.draw_learn, STEPS, "learn"),
+    Section("edit", translatable("4  Color"), editing.draw_edit, PICTURE, "recolor"),
+    Section("render", translatable("5  Render"), rendering.draw_render, STEPS, "render"),
 )
 HEADERS = {  # text of a header after the step's title
     states.TO_DO: {"text": ""},
@@ -72,7 +70,6 @@ def _draw_section(layout, context, section: Section):
     right.label(**HEADERS[state.kind])
     right.operator("karf.open_manual", text="", icon="HELP", emboss=False).page = section.page
     if body is not None:
-        draw_text(body, state.reason, "FILE_REFRESH")
         section.draw(body, context)
 
 

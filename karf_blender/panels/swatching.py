@@ -1,4 +1,4 @@
-"""Step 6: an object's swatches, their menus, and names of colors."""
+"""Step 4: an object's swatches, their menus, and names of colors."""
 
 import bpy
 import numpy as np
@@ -14,27 +14,36 @@ from .display import draw_left, draw_moved, draw_solo, how_visible
 NEAREST = 3  # names offered for a color
 
 
-def draw_object(layout, item):
+def draw_object(layout, item, is_advanced):
     """An object's swatches side by side, and what one of its colors is to become."""
     row = layout.row()
     row.context_pointer_set("karf_object", item)
     row.label(text=item.name, icon="OBJECT_DATA")
-    draw_solo(row, item.name, 0)
+    if is_advanced:
+        draw_solo(row, item.name, 0)
     row.operator("karf.reset_swatch", text="Reset", icon="LOOP_BACK").object_name = item.name
-    row.menu("KARF_MT_palette", text="", icon="DOWNARROW_HLT")
+    if is_advanced:
+        row.menu("KARF_MT_palette", text="", icon="DOWNARROW_HLT")
     if colors.has_paints(item):
         layout.row().prop(item, "scope", expand=True)
     row = layout.row(align=True)
     for index in colors.offered(item):
         _draw_swatch(row.column(align=True), item, index, item.swatches[index])
-    row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
+    if is_advanced:
+        row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
     if colors.has_paints(item):
         draw_moved(layout, item)
     row = layout.row()
     draw_fold(row, item, "show_becomes")
-    row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
+    if is_advanced:
+        row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
     if item.show_becomes:
         _draw_becomes(layout, item)
+    if is_advanced:
+        _draw_more(layout, item)
+
+
+def _draw_more(layout, item):
     row = layout.row()
     draw_fold(row, item, "show_surface")
     draw_fold(row, item, "show_edge")
@@ -72,26 +81,24 @@ def _draw_swatch(column, item, index, swatch):
 
 
 def _draw_surfaces(layout, item):
-    shown = [(index, item.swatches[index]) for index in colors.offered(item)]
     table = layout.row(align=True)
-    column = table.column(align=True)
-    column.label(text="")
-    for _, swatch in shown:
-        column.label(text="", icon_value=tints.icon(swatch.color))
+    names = table.column(align=True)
+    for text in ("", *(KARF_PG_swatch.bl_rna.properties[name].name for name in colors.SURFACE)):
+        names.label(text=text)
+    for index in colors.offered(item):
+        _draw_surface(table.column(align=True), item, index, item.swatches[index])
+
+
+def _draw_surface(column, item, index, swatch):
+    column.label(text="", icon_value=tints.icon(swatch.color))
+    fields = column.column(align=True)
+    fields.enabled = not swatch.locked
     for name in colors.SURFACE:
-        column = table.column(align=True)
-        column.label(text=KARF_PG_swatch.bl_rna.properties[name].name)
-        for _, swatch in shown:
-            field = column.row(align=True)
-            field.enabled = not swatch.locked
-            field.prop(swatch, name, text="", slider=True)
-    column = table.column(align=True)
-    column.label(text="")
-    for index, swatch in shown:
-        button = column.row(align=True)
-        button.enabled = not colors.surface_of(swatch).is_neutral
-        reset = button.operator("karf.reset_surface", text="", icon="LOOP_BACK")
-        reset.object_name, reset.index = item.name, index
+        fields.prop(swatch, name, text="", slider=True)
+    button = column.row(align=True)
+    button.enabled = not colors.surface_of(swatch).is_neutral
+    reset = button.operator("karf.reset_surface", text="", icon="LOOP_BACK")
+    reset.object_name, reset.index = item.name, index
 
 
 def _draw_becomes(layout, item):

@@ -1,7 +1,7 @@
 """The user's settings of this machine: which Python runs the engine, how many threads, and how it is installed."""
 
 import bpy
-from bpy.props import IntProperty, StringProperty
+from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
 
 from ... import __package__ as extension
 from ..engine import installing, probing
@@ -32,6 +32,19 @@ def _make_paths_absolute(preferences, _):
         if getattr(preferences, name).startswith("//"):
             setattr(preferences, name, bpy.path.abspath(getattr(preferences, name)))
     color_book.refresh()
+
+
+def _fold_changed(preferences, context):
+    context.preferences.is_dirty = True  # a fold alone would not be saved
+
+
+class KARF_PG_advanced(bpy.types.PropertyGroup):
+    """The steps whose advanced controls are open, in every file."""
+
+    __annotations__ = {
+        f"show_{step}": BoolProperty(name="Advanced", update=_fold_changed)
+        for step in ("import", "mark", "learn", "edit", "render")
+    }
 
 
 class KARF_AP_preferences(bpy.types.AddonPreferences):
@@ -71,6 +84,8 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
         "swatch's menu shows the nearest names",
         update=_make_paths_absolute,
     )
+
+    advanced: PointerProperty(type=KARF_PG_advanced)
 
     def draw(self, context):
         layout = self.layout

@@ -27,6 +27,7 @@ from .views import show_camera
 USUAL_RIG = cameras.Options()
 SPLAT_VIEWS = 48  # around splats without photos
 MAP_NAME = f"{editors.PREFIX} more photos"
+SMALL = 512  # long side of photos, pixels, up to which the preset "demo" learns all of their detail
 
 
 def import_capture(
@@ -65,6 +66,8 @@ def import_capture(
         if not is_known:
             palettes.load_palettes(scene, ())
             karf.advice, karf.is_poor = "", False
+            if not karf.is_property_set("preset"):
+                karf.preset = _proposed_preset(capture)
             if karf.capture:  # the masks are of that one's photos
                 karf.masks = ""
         folders.store(scene, "capture", path)
@@ -84,6 +87,12 @@ def import_capture(
     except KarfError as error:  # the rig is built; one unreadable photo must not remove it
         capture = replace(capture, warnings=(*capture.warnings, error.sentence))
     return capture
+
+
+def _proposed_preset(capture: Capture) -> str:
+    """Return the preset for a first try: "demo" is for small pictures, such as the demo's."""
+    camera = capture.views[0].camera
+    return "demo" if max(camera.width, camera.height) <= SMALL else "fast"
 
 
 def _place_of(path: Path, capture: Capture) -> Path:

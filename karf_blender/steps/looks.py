@@ -1,4 +1,4 @@
-"""Steps 6 and 7: named looks, whole states of the swatches: in all views, as colorways of a sheet are, or as a web page."""
+"""Steps 4 and 5: named looks, whole states of the swatches: in all views, as colorways of a sheet are, or as a web page."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Step 3: masks of objects, drawn on photos; and strokes that say where the segmentation is wrong.
+"""Step 2: masks of objects, drawn on photos; and strokes that say where the segmentation is wrong.
 
 A mask is written at once, as a step of Blender's undo. Places are pixels of the photo, y down. A mark adds ("ADD"), or
 takes away ("TAKE"): of a correction, it says "this is it" or "this is not". "CLEAR" leaves a correction unsaid again.

@@ -28,9 +28,9 @@ from .render import camera_of
 
 NO_PHOTO = translatable("A free camera has no photo: Original shows the learned scene.")
 NO_PALETTES = translatable(
-    "There are no palettes yet, so the picture shows the learned scene. Press Extract Palette in step 5."
+    "There are no palettes yet, so the picture shows the learned scene. Press Extract Palette in step 3."
 )
-NO_MASKS = translatable("Nothing is segmented yet, so there are no masks to show. Press Segment in step 4.")
+NO_MASKS = translatable("Nothing is segmented yet, so there are no masks to show. Press Segment in step 3.")
 UNSEEN = translatable("The picture KaRF camera is only rendered while an Image Editor shows it. Choose it in one.")
 KIND = "preview"
 COARSE_SIDE = 96  # pixels

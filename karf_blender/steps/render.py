@@ -1,4 +1,4 @@
-"""Step 7: recolored pictures as files, also by a render farm, and in Blender; cameras as files, and back."""
+"""Step 5: recolored pictures as files, also by a render farm, and in Blender; cameras as files, and back."""
 
 from collections.abc import Iterable
 from dataclasses import replace

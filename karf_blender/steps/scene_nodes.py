@@ -1,4 +1,4 @@
-"""Step 7: recoloring by Blender's own nodes, in the compositor and on an object, without engine or extension."""
+"""Step 5: recoloring by Blender's own nodes, in the compositor and on an object, without engine or extension."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial

@@ -1,4 +1,4 @@
-"""Step 7: the scene as Gaussian splats in files of other programs, and in objects that these have imported.
+"""Step 5: the scene as Gaussian splats in files of other programs, and in objects that these have imported.
 
 An object follows the swatches: one timer compares them, so that anything that changes them counts, and requests colors
 from the engine, the next ones when the last have come.

@@ -1,4 +1,4 @@
-"""Step 6: swatches and edits. A swatch is an object's name and a number from 1: swatch 0 is black."""
+"""Step 4: swatches and edits. A swatch is an object's name and a number from 1: swatch 0 is black."""
 
 from collections.abc import Sequence
 from pathlib import Path

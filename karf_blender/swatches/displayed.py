@@ -118,7 +118,7 @@ class DisplayedScene:
                 "{file} (edit planes) was made from other palettes."
                 if file.exists()
                 else "{file} (edit planes) does not exist.",
-                "Press Prepare in step 6.",
+                "Press Prepare in step 4.",
                 file=file,
             )
         written = file.stat().st_mtime_ns if file.exists() else 0

@@ -32,7 +32,7 @@ def chosen(scene: bpy.types.Scene) -> bpy.types.Image:
     if match.view not in ("", view):
         raise BadRequest(
             "{name!r} was painted over the view {view!r}, but {shown!r} is displayed.",
-            "Show {view!r} in step 6, or paint over this view.",
+            "Show {view!r} in step 4, or paint over this view.",
             name=match.picture.name,
             view=match.view,
             shown=view,

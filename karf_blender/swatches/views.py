@@ -88,7 +88,7 @@ class DisplayedView:
                 objects=", ".join(objects),
             )
         if max(len(palette.colors) for palette in learned.values()) != self.planes.palette_weights.shape[1]:
-            raise DataError("{file} was made for other palettes.", "Press Prepare in step 6.", file=self.file)
+            raise DataError("{file} was made for other palettes.", "Press Prepare in step 4.", file=self.file)
         added = {name: each.added for name, each in colors.states(scene).items() if each.added}
         if not added:
             return self

@@ -90,7 +90,7 @@ class ThisComputer:
 
 
 def seconds(preset: str, button: str, is_open: bool) -> float | None:
-    """Estimate the duration of a button of step 2 with a preset; None if unknown."""
+    """Estimate the duration of a button of step 3 with a preset; None if unknown."""
     computer = session.get(ThisComputer)
     if not computer.samples_per_second:
         return None

@@ -14,24 +14,24 @@ from ..project import captures, disk, folders
 from ..project.disk import Contents
 from ..tasks import runner
 
-STEPS = ("import", "learn", "mark", "segment", "palette", "edit", "render")
+STEPS = ("import", "mark", "learn", "edit", "render")
 TO_DO, DONE, STALE, RUNNING = "to do", "done", "stale", "running"
-FOLDERS = ("import", "learn", "segment", "palette")  # steps that fold; marking folds with the next one
+FOLDERS = ("import", "learn")  # steps that fold; marking folds with learning
 STEP_OF_STAGE = {
     "poses": "import",
     "import-splat": "import",
     "geometry": "learn",
-    "segmentation": "segment",
-    "palette": "palette",
-    "recoloring": "palette",
+    "segmentation": "learn",
+    "palette": "learn",
+    "recoloring": "learn",
     "colorways": "render",
 }
-OTHER_PRESET = translatable("Learned with another preset: learn the scene again to use this one.")
-OTHER_NERF = translatable("Learned with another NeRF or without one: learn the scene again to use this choice.")
-OTHER_PHOTOS = translatable("Learned from other photos: learn the scene again to use this choice.")
-OTHER_MARKS = translatable("Marks have changed since then: segment again.")
-OTHER_SCENE = translatable("The scene has been learned again since then: segment again.")
-OTHER_OBJECTS = translatable("The objects have been segmented again since then: extract the palettes again.")
+OTHER_PRESET = translatable("Learned with another preset: learn again to use this one.")
+OTHER_NERF = translatable("Learned with another NeRF or without one: learn again to use this choice.")
+OTHER_PHOTOS = translatable("Learned from other photos: learn again to use this choice.")
+OTHER_MARKS = translatable("Marks have changed since then: learn again.")
+OTHER_SCENE = translatable("The scene alone has been learned again since then: learn all again.")
+OTHER_OBJECTS = translatable("The objects alone have been found again since then: learn all again.")
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,12 @@ def state_of(scene: bpy.types.Scene, step: str) -> State:
     if step == _running_step(scene):
         return State(RUNNING)
     known = disk.contents_of(scene)
-    if known.missing or not _is_done(scene, step, known):
+    if known.missing:
         return State()
     reason = _why_stale(scene, step, known)
-    return State(STALE, reason) if reason else State(DONE)
+    if reason:
+        return State(STALE, reason)
+    return State(DONE) if _is_done(scene, step, known) else State()
 
 
 def _running_step(scene: bpy.types.Scene) -> str:
@@ -64,26 +66,22 @@ def _is_done(scene: bpy.types.Scene, step: str, known: Contents) -> bool:
         return bool(scene.karf.project)
     if step == "mark":
         return bool(known.masks)
-    if step == "palette":
-        return bool(scene.karf.objects)
-    stage = {"learn": "geometry", "segment": "segmentation"}.get(step)
-    return stage in known.stages | known.outdated
+    return step == "learn" and bool(scene.karf.objects)
 
 
 def _why_stale(scene: bpy.types.Scene, step: str, known: Contents) -> str:
-    if step == "learn":
-        preset, nerf = known.learned_with
-        if nerf != folders.text_of(scene, "nerf"):
-            return OTHER_NERF
-        if not nerf and preset not in ("", scene.karf.preset):
-            return OTHER_PRESET
-        if known.left_out != set(captures.left_out(scene)):
-            return OTHER_PHOTOS
-    if step == "segment" and "segmentation" in known.outdated:
+    if step != "learn" or "geometry" not in known.stages | known.outdated:
+        return ""
+    preset, nerf = known.learned_with
+    if nerf != folders.text_of(scene, "nerf"):
+        return OTHER_NERF
+    if not nerf and preset not in ("", scene.karf.preset):
+        return OTHER_PRESET
+    if known.left_out != set(captures.left_out(scene)):
+        return OTHER_PHOTOS
+    if "segmentation" in known.outdated:
         return OTHER_MARKS if "segmentation" in known.stages else OTHER_SCENE
-    if step == "palette" and "recoloring" in known.outdated:
-        return OTHER_OBJECTS
-    return ""
+    return OTHER_OBJECTS if "recoloring" in known.outdated else ""
 
 
 @dataclass
@@ -106,9 +104,9 @@ def opened(before: dict[str, str], after: dict[str, str]) -> dict[str, bool]:
 
 
 def _next(kinds: dict[str, str]) -> tuple[str, ...]:
-    """The steps to work on: the first that is not done, and marking beside learning, as that needs no marks."""
+    """The steps to work on: the first that is not done, and learning beside marking, as the scene needs no marks."""
     first = next((step for step in STEPS if kinds[step] != DONE), "edit")
-    return ("learn", "mark") if first == "learn" and kinds["mark"] != DONE else (first,)
+    return ("mark", "learn") if first == "mark" else (first,)
 
 
 @session.listener(disk.READ)

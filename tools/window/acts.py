@@ -61,6 +61,14 @@ def editors(kind: str) -> int:
     return sum(area.type == kind for area in hands.window().screen.areas)
 
 
+def open_advanced() -> None:
+    """Open the advanced controls of all steps by script."""
+    advanced = module("preferences").current().advanced
+    for name in advanced.bl_rna.properties.keys():
+        if name.startswith("show_"):
+            setattr(advanced, name, True)
+
+
 def show_tab() -> Wait:
     """Bring the KaRF tab to the front in both sidebars."""
     for where in (SIDEBAR, BESIDE_PICTURE):

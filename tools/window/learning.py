@@ -30,6 +30,7 @@ def install(story: Story) -> Wait:
     bpy.ops.extensions.package_install_files(filepath=package, repo="user_default", enable_on_install=True)
     check(desk.PACKAGE in preferences.addons, "the extension is not enabled after its installation")
     acts.choose_engine(story.job)
+    acts.open_advanced()
     yield from until(lambda: not desk.module("preferences.state").known().problem, "the engine")
     held = remains(desk.PACKAGE)
     for kind in ("handler", "drawing", "class", "property"):

@@ -134,7 +134,7 @@ def compare(before: dict[str, object], event: str) -> None:
 
 
 # --- pictures as files -----------------------------------------------------------------------------------------------
-@CHAPTER.step("script: step 7 is opened, names of views; mouse: Captured Views; keys: Return in its dialog")
+@CHAPTER.step("script: step 5 is opened, names of views; mouse: Captured Views; keys: Return in its dialog")
 def recolor_photos(story: Story) -> Wait:
     """Photos are written recolored, in their own sizes, and pixels of the object alone change."""
     manager, scene = bpy.data.window_managers[0], desk.scene()

@@ -88,7 +88,9 @@ class Desk:
 
 @pytest.fixture
 def desk(bpy, addon, scene, seeing, monkeypatch, tmp_path):
-    return Desk(bpy, addon, monkeypatch, tmp_path)
+    addon.preferences.current().advanced.show_edit = True
+    yield Desk(bpy, addon, monkeypatch, tmp_path)
+    addon.preferences.current().advanced.show_edit = False
 
 
 def setting(owner, **values):
@@ -178,10 +180,10 @@ def test_first_open_step_leads_to_an_engine(addon, scene, desk, capture_folder, 
     desk.lose_engine()
     drawn = desk.draw()
     assert "engine yet" in " ".join(drawn)
-    assert drawn.index("preferences.addon_show") < drawn.index("karf.import_capture")
+    assert drawn.index("karf.import_capture") < drawn.index("preferences.addon_show") < drawn.index("karf.mark")
     addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
     drawn = desk.draw()
-    assert drawn.index("karf.import_capture") < drawn.index("preferences.addon_show") < drawn.index("karf.learn_scene")
+    assert drawn.index("karf.learn_all") < drawn.index("preferences.addon_show") < drawn.index("karf.learn_scene")
 
 
 def test_remaining_difference_is_shown_without_moving_the_button(bpy, addon, learned, desk):
@@ -197,21 +199,99 @@ def test_remaining_difference_is_shown_without_moving_the_button(bpy, addon, lea
     assert "Remaining difference: invisible" in " ".join(desk.draw())
 
 
-def test_technical_terms_are_only_under_advanced(learned, desk, monkeypatch):
-    desk.segmented(unsure={"pot": {"share": 0.4, "unseen": 0.9}})
+# --- a first recolor -------------------------------------------------------------------------------------------------
+MOST_CONTROLS = 20
+JARGON = "PSNR dB Splat Segment Volume Reach Unseen Over Scene Colorway NeRF CIEDE2000 unsure numba pycolmap".split()
+
+
+class Folded(Layout):
+    """Everything as a new user sees it."""
+
+    opens_advanced = False
+
+    def panel(self, name, default_closed=False):
+        return self.row(), None if default_closed else self.row()
+
+
+@pytest.fixture
+def first(bpy, addon, learned, desk, monkeypatch):
+    """Draw the body of each step, or of one, as a new user sees it: one object is marked and learned."""
+    learned.karf.objects.remove(learned.karf.objects.find("lid"))
+    addon.preferences.current().advanced.show_edit = False
+    desk.segmented()
+
+    def draw(*names):
+        screen = SimpleNamespace(areas=[area(IMAGE)])
+        context = SimpleNamespace(scene=learned, window_manager=bpy.context.window_manager, screen=screen)
+        drawn = []
+        layout = Folded(bpy, drawn)
+        for section in addon.sidebar.SECTIONS:
+            if not names or section.name in names:
+                section.draw(layout, context)
+        return drawn, layout.controls
+
+    return draw
+
+
+def test_a_first_recolor_shows_at_most_twenty_controls(addon, first, monkeypatch):
+    """The strip of an object's swatches is one list; folds and help in headers are not counted."""
+    monkeypatch.setattr(addon.swatching, "_draw_swatch", lambda column, *_: column.controls.append("a swatch"))
+    _, controls = first()
+    assert len([name for name in controls if name != "a swatch"]) + 1 <= MOST_CONTROLS
+    assert {"Import Capture", "Mark in Photo", "Learn All", "a swatch", "This View", "Captured Views"} <= {*controls}
+
+
+def test_technical_terms_are_only_under_advanced(learned, desk, first):
     learned.karf.match.show = desk.pot.show_becomes = True
     desk.set(learned.karf.match.left.add(), name="pot", before=9.0, left=2.0)
+    drawn, controls = first()
+    text = " ".join(drawn + controls)
+    assert not [word for word in JARGON if word in text]
     drawn = desk.draw()
-    assert drawn.count("Advanced") == 6
+    assert drawn.count("Advanced") == 5
     for button, name in (("karf.import_capture", "photo_space"), ("karf.learn_all", "nerf")):
         after = drawn.index(button)
         assert after < drawn.index("Advanced", after) < drawn.index(name)
     assert "pot: the remaining difference is visible side by side (2.0, was 9.0)" in drawn
-    assert "CIEDE2000" not in " ".join(drawn)
-    monkeypatch.setattr(Layout, "panel", lambda self, *_, **__: (self.row(), None))  # folded, the default
-    drawn = desk.draw()
-    assert not {"nerf", "compositing", "karf.farm_bundle", "show_reprojection"} & {*drawn}
-    assert "unsure" not in " ".join(drawn)
+
+
+def test_open_advanced_controls_are_remembered_per_user(bpy, addon, desk):
+    bpy.context.preferences.is_dirty = False
+    addon.preferences.current().advanced.show_learn = True
+    assert bpy.context.preferences.is_dirty
+    addon.preferences.current().advanced.show_learn = False
+
+
+def poor(desk):
+    desk.karf.advice, desk.karf.is_poor = "More photos are needed.", True
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *(setting("karf", preset=name) for name in ("fast", "fine", "quality", "paper")),
+        setting("karf", active_view="photo_2"),
+        setting("karf.marking", correct=True),
+        setting("karf", nerf="other.tar"),
+        poor,
+        Desk.lose_engine,
+        Desk.install,
+    ],
+)
+def test_no_state_moves_a_button(addon, first, desk, change, monkeypatch):
+    """Texts that come and go stand below a step's buttons."""
+    monkeypatch.setattr(addon.estimates, "seconds", lambda preset, *_, **__: {"demo": None}.get(preset, 600.0))
+
+    def rows():
+        drawn = {name: first(name)[0] for name in addon.states.STEPS}
+        return {
+            name: [each.index(button) for button in each if button.startswith("karf.")] for name, each in drawn.items()
+        }
+
+    before = rows()
+    change(desk)
+    after = rows()
+    assert {name: each[: len(before[name])] for name, each in after.items()} == before
 
 
 # --- menus and dialogs -----------------------------------------------------------------------------------------------

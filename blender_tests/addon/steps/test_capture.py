@@ -212,3 +212,14 @@ def test_capture_advice_stays_until_another_capture(bpy, addon, project_scene, c
     assert not karf.is_poor  # the check includes the masks
     addon.steps.import_capture(project_scene, two_splits, tmp_path / "other")
     assert karf.advice == karf.masks == ""
+
+
+@pytest.mark.parametrize(("small", "chosen", "preset"), [(24, "", "demo"), (16, "", "fast"), (16, "fine", "fine")])
+def test_import_proposes_a_preset_by_the_size_of_the_photos(
+    addon, scene, capture_folder, tmp_path, monkeypatch, small, chosen, preset
+):
+    monkeypatch.setattr(addon.steps.capture, "SMALL", small)
+    if chosen:
+        scene.karf.preset = chosen
+    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
+    assert scene.karf.preset == preset

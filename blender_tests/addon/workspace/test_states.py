@@ -5,10 +5,10 @@ import os
 import numpy as np
 import pytest
 
-NEW = dict.fromkeys(("import", "learn", "mark", "segment", "palette", "edit", "render"), "to do")
+NEW = dict.fromkeys(("import", "mark", "learn", "edit", "render"), "to do")
 DONE = dict.fromkeys(NEW, "done")
 IMPORTED = NEW | {"import": "done"}
-LEARNED, MARKED = IMPORTED | {"learn": "done"}, IMPORTED | {"mark": "done"}
+MARKED = IMPORTED | {"mark": "done"}
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def kinds(addon, scene):
 
 
 def test_step_is_done_when_its_result_exists(addon, learned):
-    assert kinds(addon, learned) == NEW | dict.fromkeys(("import", "learn", "palette"), "done")
+    assert kinds(addon, learned) == NEW | dict.fromkeys(("import", "learn"), "done")
 
 
 @pytest.mark.parametrize("mark", ["../masks/pot/photo_0.png", "corrections/pot/photo_0.png", "volumes.json"])
@@ -36,18 +36,18 @@ def test_newer_mark_makes_segmentation_stale(addon, learned, project, mark):
     file = project.folder / mark
     file.parent.mkdir(parents=True, exist_ok=True)
     file.touch()
-    assert kinds(addon, learned)["segment"] == "done"
+    assert kinds(addon, learned)["learn"] == "done"
     later = file.stat().st_mtime + 60
     os.utime(file, (later, later))
-    state = addon.states.state_of(learned, "segment")
+    state = addon.states.state_of(learned, "learn")
     assert state.kind == "stale" and "Marks have changed" in state.reason
 
 
 def test_rerun_stage_makes_later_ones_stale(addon, learned, project):
-    assert kinds(addon, learned)["palette"] == "done"
-    project.finish("geometry", "anew")
-    for step, reason in (("segment", "learned again"), ("palette", "segmented again")):
-        state = addon.states.state_of(learned, step)
+    assert kinds(addon, learned)["learn"] == "done"
+    for stage, reason in (("segmentation", "objects alone"), ("geometry", "scene alone")):
+        project.finish(stage, "anew")
+        state = addon.states.state_of(learned, "learn")
         assert state.kind == "stale" and reason in state.reason
 
 
@@ -61,7 +61,7 @@ def test_preset_other_than_the_learned_one_is_shown(addon, learned, monkeypatch)
 def test_step_of_the_running_job_is_shown(addon, learned, monkeypatch):
     request = addon.engine_api.Request("segmentation", addon.folders.project_of(learned).folder, {})
     monkeypatch.setattr(addon.runner, "current_request", lambda scene: request)
-    assert kinds(addon, learned)["segment"] == "running"
+    assert kinds(addon, learned)["learn"] == "running"
 
 
 @pytest.mark.parametrize(
@@ -70,27 +70,26 @@ def test_step_of_the_running_job_is_shown(addon, learned, monkeypatch):
         ({}, NEW, dict.fromkeys(NEW, False) | {"import": True}),
         ({}, DONE | {"edit": "to do"}, dict.fromkeys(NEW, False) | {"edit": True}),
         (NEW, IMPORTED, {"import": False, "learn": True, "mark": True}),
-        (MARKED, MARKED | {"learn": "done"}, {"import": False, "learn": False, "segment": True}),
-        (LEARNED, LEARNED | {"mark": "done"}, {"segment": True}),  # marking stays open
+        (IMPORTED, MARKED, {"learn": True}),  # marking stays open
         (
-            LEARNED,
-            LEARNED | {"mark": "done", "segment": "done"},
-            dict.fromkeys(list(NEW)[:4], False) | {"palette": True},
+            MARKED,
+            MARKED | {"learn": "done"},
+            {"import": False, "mark": False, "learn": False, "edit": True},
         ),
-        (DONE, DONE | {"segment": "stale"}, {"segment": True}),
+        (DONE, DONE | {"learn": "stale"}, {"learn": True}),
     ],
 )
 def test_finished_steps_fold_and_the_next_opens(addon, before, after, changes):
     assert addon.states.opened(before, after) == changes
 
 
-def test_panels_opened_by_hand_stay_until_a_step_ends(bpy, addon, project_scene):
+def test_panels_opened_by_hand_stay_until_a_step_ends(bpy, addon, project_scene, monkeypatch):
     folding = bpy.context.window_manager.karf_folding
     addon.states.update()
     assert folding.show_learn and not folding.show_import
     folding.show_import = folding.show_render = True
     addon.states.update()
     assert folding.show_import and folding.show_render
-    addon.steps.learn_scene(project_scene).wait()
+    monkeypatch.setattr(addon.states, "_is_done", lambda scene, step, known: step in ("import", "mark", "learn"))
     addon.states.update()
-    assert not folding.show_import and folding.show_render
+    assert not folding.show_import and folding.show_edit and folding.show_render
