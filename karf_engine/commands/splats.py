@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..capture.capture import Capture, CapturedSplats, View
+from ..capture.capture import UNIT_GAINS, Capture, CapturedSplats, View
 from ..compute.cores import limit_torch_threads
 from ..compute.kernels import has_kernels
 from ..compute.progress import Emit
@@ -82,7 +82,8 @@ def _learn(job: Job) -> None:
         start = initial_gaussians(scene, views, settings.count, settings.degree, progress.step)
         between = render_pseudo_photos(scene, cameras, progress.step)
         limit_torch_threads()
-        fit = SplatFit(start, photos, settings.iterations, seed, pseudo_photos=between)
+        is_exposed = any(view.gains != UNIT_GAINS for view in views)  # as surface points that photos share tell
+        fit = SplatFit(start, photos, settings.iterations, seed, between, is_exposed)
         run.checkpoint.attach(fit, progress)
         fit.run(progress, run.checkpoint)
         run.summary["gaussians"] = len(start)
