@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..capture.capture import Capture, CapturedSplats, View
+from ..capture.capture import UNIT_GAINS, Capture, CapturedSplats, View
 from ..compute.cores import limit_torch_threads
 from ..compute.progress import Emit
 from ..errors import BadRequest
@@ -109,7 +109,8 @@ def _learn(job: Job) -> None:
         limit_torch_threads()
         device = job.runtime.device
         job.emit("stage", name="splats", text=f"rasterized by {backend(device)}")
-        fit = SplatFit(start, photos, settings.iterations, seed, between, device)
+        is_exposed = any(view.gains != UNIT_GAINS for view in views)  # as surface points that photos share tell
+        fit = SplatFit(start, photos, settings.iterations, seed, between, device, fits_exposures=is_exposed)
         run.checkpoint.attach(fit, progress)
         fit.run(progress, run.checkpoint)
         run.summary["gaussians"] = len(start)

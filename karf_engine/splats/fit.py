@@ -118,15 +118,17 @@ class SplatFit:
         pseudo_photos: Sequence[Photo] = (),
         device: Device = "cpu",
         halved: float = HALVED,
+        fits_exposures: bool = True,
     ) -> None:
         """Start with initial Gaussians, which are not modified.
 
         Each iteration shows a photo or a window of one; of three, two show `pseudo_photos` of the field, if any. The
-        first ones, the fraction `halved`, show them at half size.
+        first ones, the fraction `halved`, show them at half size. fits_exposures: False keeps all gains at 1: they would
+        only explain what Gaussians cannot show, such as a sharp horizon.
         """
         self.iterations, self.done = iterations, 0
         self._start, self._photos, self._seed = gaussians, photos, seed
-        self._exposures, self._halved = Exposures(len(photos)), halved
+        self._exposures, self._halved, self._fits_exposures = Exposures(len(photos)), halved, fits_exposures
         self._halves = [photo.halved() for photo in photos]
         self._between = pseudo_photos, [picture.halved() for picture in pseudo_photos]
         least = np.log(LEAST_PIXELS * _pixel_sizes(gaussians, photos)).astype(np.float32)
@@ -180,7 +182,7 @@ class SplatFit:
     def _gains(self, number: int, photo: Photo, shown: np.ndarray, target: np.ndarray) -> np.ndarray:
         """Return the gains of a photo [3], updated after the first pass over all photos; photos with a matte keep 1."""
         count = self._shown_before()
-        if count >= len(self._photos) and photo.alpha is None:
+        if self._fits_exposures and count >= len(self._photos) and photo.alpha is None:
             if count % len(self._photos) == 0:
                 self._exposures.balance()
             valid = slice(None) if photo.valid is None else photo.valid.ravel()

@@ -205,7 +205,9 @@ def test_fit_recovers_gains_and_renders_at_mean_exposure():
     assert error_of(fit.gaussians, [exposed(photo, mean) for photo in PHOTOS]) < 3 * error_of(equal.gaussians, PHOTOS)
 
 
-def test_cutouts_and_pseudo_photos_keep_unit_gains(monkeypatch):
+def test_cutouts_pseudo_photos_and_equal_exposures_keep_unit_gains(monkeypatch):
+    darkened = [exposed(photo, gains) for photo, gains in zip(PHOTOS, GAINS, strict=True)]
+    assert_array_equal(fitted(darkened, 20, fits_exposures=False).gains, ONES)
     cut_outs = [exposed(photo, gains) for photo, gains in zip(CUT_OUTS, GAINS, strict=True)]
     assert_array_equal(fitted(cut_outs, 20).gains, ONES)
     monkeypatch.setattr(fit_module, "RATES", {0: 0.0})
