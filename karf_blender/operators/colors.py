@@ -85,7 +85,7 @@ class KARF_OT_add_color(Undoable, bpy.types.Operator):
         number = steps.add_color(context.scene, self.object_name, self.picked, **given)
         added = context.scene.karf.objects[self.object_name].swatches[number]
         self.reach, self.protect = added.reach, added.protect  # what was proposed is where changing it begins
-        return translate_report("Swatch {number} was added: change its color", number=number)
+        return translate_report("A swatch was added behind the others: change its color")
 
 
 @dataclass

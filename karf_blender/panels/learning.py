@@ -124,7 +124,7 @@ def _draw_timed(layout, scene, name, icon):
     column = layout.column(align=True)
     column.operator(f"karf.{name}", icon=icon)
     seconds = estimates.seconds(scene.karf.preset, name, is_open=scene.karf.n_points > 0)
-    column.label(text="" if seconds is None else duration(seconds), icon="TIME")
+    column.label(**{"text": "", "icon": "BLANK1"} if seconds is None else {"text": duration(seconds), "icon": "TIME"})
 
 
 def duration(seconds):
