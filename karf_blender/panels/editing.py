@@ -21,7 +21,6 @@ def draw_edit(layout, context):
     is_prepared = disk.contents_of(context.scene).is_prepared
     row.operator("karf.show_view", text="Show" if is_prepared else "Prepare", icon="IMAGE_DATA")
     draw_modes(layout, context, MODES)
-    layout.prop(karf, "material", icon="MATERIAL")
     is_advanced = preferences.current().advanced.show_edit
     for name in object_masks.in_order(context.scene, karf.objects.keys()):
         draw_object(layout.box(), karf.objects[name], is_advanced)

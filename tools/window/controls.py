@@ -20,8 +20,8 @@ EDGE_STEPS = 200  # at most, from a button to its edge
 RIGHT = 0.845  # where a sidebar has the small button at the end of a row
 COLUMNS = 0.45, RIGHT, 0.2, 0.68, 0.32, 0.57  # of a region's width, in the order of a search
 SWATCH = r'karf\.objects\[(0|"[^"]*")\]\.swatches\[(1|"[^"]*1")\]\.color'  # the first object's second, used throughout
-# of the color picker: its width, and the middle of its wheel from its left edge and from the swatch's upper edge
-PICKER, WHEEL_X, WHEEL_Y = 206, 91, 223
+# of the color picker: its width, and the middle of its wheel from its left and upper edge, and from its lower one
+PICKER, WHEEL, WHEEL_Y = 206, 91, 223
 STEPS, DRAG_PAUSE = 8, 0.12  # of a drag in it
 STATUS_BAR = 8  # pixels from the window's lower edge
 
@@ -96,8 +96,8 @@ def find_swatch() -> Generator[float, None, Place]:
 def drag_swatch(way: tuple[int, int]) -> Generator[float, None, int]:
     """Open the swatch's picker, drag from the middle of its wheel by some pixels, and close it.
 
-    The picker opens above the swatch, aligned with its left edge, or with its right one near the window's edge. If
-    the first guess changes nothing, the other is tried.
+    The picker opens above the swatch, or below where there is no room, aligned with its left edge, or with its right
+    one near the window's edge. If the first guess changes nothing, the other is tried.
 
     Returns:
         The number of different pictures on the way.
@@ -107,9 +107,11 @@ def drag_swatch(way: tuple[int, int]) -> Generator[float, None, int]:
     left, _ = yield from _edge(field, (-4, 0))
     right, _ = yield from _edge(field, (4, 0))
     _, top = yield from _edge(field, (0, 4))
+    _, bottom = yield from _edge(field, (0, -4))
+    is_above = top + WHEEL_Y + WHEEL < hands.window().height
     starts = [left, right - PICKER]
     for start in starts if right + PICKER < hands.window().width else reversed(starts):
-        x, y, seen = start + WHEEL_X, top + WHEEL_Y, set()
+        x, y, seen = start + WHEEL, top + WHEEL_Y if is_above else bottom - WHEEL, set()
         yield from hands.click(field)
         yield from hands.move((x, y))
         places = [(x + way[0] * step // STEPS, y + way[1] * step // STEPS) for step in range(STEPS + 1)]
@@ -121,7 +123,7 @@ def drag_swatch(way: tuple[int, int]) -> Generator[float, None, int]:
         yield from hands.click(outside)
         if desk.swatches() != before:
             return len(seen)
-    raise Broken("the picker is neither above the left nor above the right edge of its swatch")
+    raise Broken("the picker is at neither edge of its swatch")
 
 
 def _edge(place: Place, step: Place) -> Generator[float, None, Place]:
