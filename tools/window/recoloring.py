@@ -174,7 +174,8 @@ def render_new_camera(story: Story) -> Wait:
     finally:
         scene.frame_end = FILM_FRAMES
     yield from story.shoot()
-    files = sorted(desk.module("project.folders").out_folder(scene).rglob("cameras/*/*/frame_*.png"))
+    photos = recolored("")  # the folder of the look
+    files = sorted(photos.parent.glob(f"cameras/*/{photos.name}/frame_*.png"))
     check(len(files) == 1, f"{len(files)} frames were written, not one")
     frame, beside = desk.pixels_of(files[0]), desk.pixels_of(recolored(f"{MARKED_VIEW}.png"))
     check(frame.shape == beside.shape, f"the frame has {frame.shape}, and not {beside.shape}")
