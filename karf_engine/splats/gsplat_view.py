@@ -130,7 +130,7 @@ class GsplatTable:
         self._n_foreground, self._least = gaussians.n_foreground, torch.from_numpy(least).to(device)[:, None]
         self._means, self._squares = torch.zeros_like(self._table), torch.zeros_like(self._table)
         self._steps = torch.zeros(len(gaussians), dtype=torch.int32, device=device)
-        self._sizes = self._table.detach()[:, LOG_SCALE:ROTATION].amax(1, keepdim=True).exp()
+        self._sizes = self._table.detach()[:, LOG_SCALE:ROTATION].amax(1).exp()
 
     def view(self, camera: Pinhole, background: tuple[float, float, float]) -> GsplatView:
         return GsplatView(self._table, camera, background)
@@ -153,7 +153,7 @@ class GsplatTable:
         squares = BETA2 * self._squares + (1 - BETA2) * gradient * gradient
         correction, root = 1 / (1 - BETA1**count), (1 - BETA2**count).rsqrt()
         step = rates * correction * means / (squares.sqrt() * root + EPSILON)
-        step[:, :LOG_SCALE] *= self._sizes
+        step[:, :LOG_SCALE] *= self._sizes[:, None]
         table = self._table - step
         table[:, LOG_SCALE:ROTATION] = table[:, LOG_SCALE:ROTATION].maximum(self._least)
         for kept, new in ((self._table, table), (self._means, means), (self._squares, squares)):
@@ -163,7 +163,7 @@ class GsplatTable:
         index, new = torch.from_numpy(rows).to(self._table.device), torch.from_numpy(values).to(self._table)
         for kept, value in zip(self.tensors().values(), (new, 0, 0, 0), strict=False):
             kept[index] = value
-        self._sizes[index] = new[:, LOG_SCALE:ROTATION].amax(1, keepdim=True).exp()
+        self._sizes[index] = new[:, LOG_SCALE:ROTATION].amax(1).exp()
 
     def is_finite(self) -> bool:
         return bool(self._table.detach().sum().isfinite())
