@@ -26,7 +26,7 @@ def draw_render(layout, context):
     row = body.row(align=True)
     row.prop(karf, "out")
     row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "out"
-    body.prop(karf, "file_names")
+    body.prop(karf, "file_names", text="Names")  # the whole name does not fit
     body.operator("karf.render_camera", text="Camera's Frames", icon="RENDER_ANIMATION")
     for name, title, draw_group in GROUPS:
         header, group = body.panel(f"karf_render_{name}", default_closed=name != "views")
