@@ -157,9 +157,9 @@ def recolor_photos(story: Story) -> Wait:
 
 def recolored(name: str) -> Path:
     """Return the file of a picture of the swatches."""
-    outputs, scene = desk.module("swatches.outputs"), desk.scene()
-    look = outputs.folder_name(outputs.look_of(scene))
-    return desk.module("project.folders").out_folder(scene) / look / name
+    scene = desk.scene()
+    look = desk.module("swatches.outputs").look_of(scene)
+    return desk.module("project.folders").out_folder(scene) / desk.module("swatches.outputs").folder_name(look) / name
 
 
 @CHAPTER.step("script: a camera beside a photo's, one frame; mouse: Camera's Frames; keys: Return in its dialog")
