@@ -145,13 +145,18 @@ export class Viewer {
     });
   }
 
+  /** @returns {[Layer, number, number][]} layers with the columns of the target that show them: from, to */
+  parts() {
+    const { width } = this.target;
+    const border = Math.round(this.wipe * width);
+    if (border) this.captured ??= this.layer();
+    return [[this.captured, 0, border], [this.edited, border, width]].filter(([, from, to]) => from < to);
+  }
+
   render() {
     const { width, height } = this.target;
-    const border = Math.round(this.wipe * width);
     this.camera.updateMatrixWorld();
-    if (border) this.captured ??= this.layer();
-    for (const [layer, from, to] of [[this.captured, 0, border], [this.edited, border, width]]) {
-      if (from === to) continue;
+    for (const [layer, from, to] of this.parts()) {
       layer.spark.clipXY = 1 + (0.6 * Math.max(width, height)) / Math.min(width, height);
       this.target.scissor.set(from, 0, to - from, height);
       this.target.scissorTest = true;
@@ -164,8 +169,8 @@ export class Viewer {
 
   /** Wait until the picture is that of the current camera and look: Gaussians are sorted after they are first drawn. */
   async settled() {
-    const isBusy = ({ spark }) => spark.sorting || spark.sortDirty || spark.dirty || !spark.activeSplats;
+    const isBusy = ([{ spark }]) => spark.sorting || spark.sortDirty || spark.dirty || !spark.activeSplats;
     do await new Promise(requestAnimationFrame);
-    while (this.waiting || isBusy(this.edited) || (this.wipe && isBusy(this.captured)));
+    while (this.waiting || this.parts().some(isBusy));
   }
 }
