@@ -10,7 +10,7 @@ from .engine import NAME
 
 @session.subscribe((bpy.types.View3DShading, "type"), (bpy.types.RenderSettings, "engine"))
 def follow(*_) -> None:
-    """Hide the photos of scenes that are shown rendered by KaRF, and show those of all others."""
+    """Hide the photos of each scene with a 3D View rendered by KaRF; show those of other scenes."""
     if rendering.is_running():
         return
     rendered = {

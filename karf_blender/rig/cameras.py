@@ -279,7 +279,7 @@ def add_free(scene: bpy.types.Scene, view_matrix: Matrix, viewport_lens: float) 
 
 
 def turn_about(view: bpy.types.RegionView3D, scene: bpy.types.Scene) -> None:
-    """Let a 3D View turn about what the captured cameras look at; what it shows stays."""
+    """Make a 3D View orbit about the point that the captured cameras face; its picture stays."""
     focus = _focus(scene)
     if focus is None:
         return

@@ -154,8 +154,9 @@ def colorways(
 ) -> Task:
     """Have the engine write every colorway of a sheet (docs/files.md) in every view, with a table and a contact sheet.
 
-    The views are `all`, `train`, `test`, names and ranges with commas, or a camera file's path. Pictures that would come out
-    the same are kept; `names` are their paths. The task's result is the colorways, each with its edit and the predicted colors.
+    The views are `all`, `train`, `test`, names and ranges with commas, or a camera file's path. Pictures that would come
+    out the same are kept; `names` are their paths. The task's result is the colorways, each with its edit and the
+    predicted colors.
     """
     sheet = Path(sheet).absolute()
     planned = predict_colorways(scene, sheet)  # a wrong sheet is reported now, and not by a job

@@ -68,8 +68,8 @@ def render_captured(
 ) -> Task:
     """Recolor captured views on their photos, in the folder that is the task's result. Choices become the panel's.
 
-    The views are `all`, `train`, `test`, or names and ranges (`0000-0007`) with commas; `skip_existing` keeps pictures that would come out the
-    same. The size `photo` is all pixels of the photos, in files of their kind (PNG, TIFF or EXR), `learned` what was
+    The views are `all`, `train`, `test`, or names and ranges (`0000-0007`) with commas; `skip_existing` keeps pictures
+    that would come out the same. The size `photo` is all pixels of the photos, in files of their kind (PNG, TIFF or EXR), `learned` what was
     learned from, and a number the long side in pixels.
     """
     _choose(scene, out, skip_existing)
@@ -278,7 +278,7 @@ def _views_of_frames(scene: bpy.types.Scene, frames: Path) -> list[str]:
 
 
 def _cameras_of(frames: Path) -> Path | None:
-    """Return the file of the cameras that frames were rendered from, if they are no captured ones."""
+    """Return the camera file of rendered frames; None for captured views."""
     found = (folder / "cameras.json" for folder in frames.parents if folder.parent.name == "cameras")
     return next(filter(Path.is_file, found), None)
 

@@ -350,7 +350,8 @@ def is_shown(colors: np.ndarray, counts: np.ndarray, color: np.ndarray) -> bool:
 def left_to_target(state: PaletteState, pair: Becoming, histogram: ColorHistogram) -> float:
     """Return the mean CIEDE2000 of the whole object to where the source color has become the target.
 
-    By the rules of one paint and of fewest swatches only the color itself is to be met. Infinity where the object shows no such source.
+    By the rules of one paint and of fewest swatches only the color itself is to be met. Infinity where the object shows
+    no such source.
     """
     before, after = (state.visible(histogram, palette) for palette in (pair.start, state.edited))
     if not is_shown(before, histogram.counts, pair.source):

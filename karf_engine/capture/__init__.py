@@ -122,7 +122,7 @@ def register_format(added: Format) -> None:
 
 
 def choose_views(capture: Capture, wanted: str) -> tuple[list[View], bool]:
-    """Return the views of a split, `all`, of comma-separated names and ranges, or of a CAMERAS.json; and False for the last.
+    """Return the views of a split, `all`, of names and ranges with commas, or of a CAMERAS.json; and False for the last.
 
     Raises DataError if a name is unknown or a split is empty.
     """
@@ -133,9 +133,8 @@ def choose_views(capture: Capture, wanted: str) -> tuple[list[View], bool]:
         return views, True
     if wanted.endswith(".json"):
         return list(open_capture(Path(wanted), photos=False).views), False
-    return list(
-        {view.name: view for part in wanted.split(",") for view in _range(capture, part.strip())}.values()
-    ), True
+    found = [view for part in wanted.split(",") for view in _range(capture, part.strip())]
+    return list({view.name: view for view in found}.values()), True
 
 
 def _range(capture: Capture, wanted: str) -> Sequence[View]:

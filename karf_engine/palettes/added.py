@@ -109,7 +109,7 @@ def _paint_of_hue(seen: ColorHistogram, weights: np.ndarray, to_others: np.ndarr
 
 
 def _protection(seen: ColorHistogram, picked: np.ndarray, reach: float) -> float:
-    """Return the protection that keeps neutrals which are slightly of a paint's hue: paper and silver in colored light."""
+    """Return the protection that keeps neutrals tinted with a paint's hue: paper and silver in colored light."""
     saturation = lab_saturation(srgb_to_lab(seen.colors)) / lab_saturation(srgb_to_lab(picked))
     shares = seen.counts / seen.counts.sum() * pigment_gate(seen.colors, picked, reach)
     mass = np.histogram(saturation, NEUTRAL_BINS, weights=shares)[0]
@@ -192,7 +192,7 @@ def match_added_color(seen: ColorHistogram, palette: np.ndarray, added: AddedCol
 def wanted_color(
     seen: ColorHistogram, palette: np.ndarray, added: AddedColor, source: np.ndarray, target: np.ndarray
 ) -> np.ndarray:
-    """Return the wanted color, sRGB [3], with which `match_added_color` turns a source color of the pigment into a target.
+    """Return the wanted color, sRGB [3], that makes `match_added_color` turn a source color into a target.
 
     The source, sRGB [3], is as learned: a shade of the picked color. Raises BadRequest if it is black.
     """

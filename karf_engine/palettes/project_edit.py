@@ -78,7 +78,7 @@ class ProjectEdit(Edit):
         return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
 
     def _with_paints(self, name: str, sources: np.ndarray, targets: np.ndarray) -> ProjectEdit:
-        """Return the edit with the paints of source colors changed, as far as they were not yet, each by an added color."""
+        """Return the edit with an added color for the paint of each source color [P, 3], which becomes its target."""
         edit, seen = self, read_object_colors(self.project.verified(self.project.object_colors_file), name)
         for source, target in zip(sources, targets, strict=True):
             paint = paint_of(seen, source)
