@@ -22,7 +22,7 @@ from ..evaluate.segmentation import mask_figures
 from ..evaluate.views import TestViews, matted, render_test_views
 from ..metrics import METRICS
 from ..metrics.scores import score_pictures
-from ..metrics.truth import Truth
+from ..metrics.truth import Truth, reduced
 
 SHEET_ROWS = 4
 
@@ -43,9 +43,12 @@ def main() -> None:
 
 
 def recolored_frames(folder: Path, test: TestViews, truth: Truth) -> Pictures:
-    """Return what the demo has written for each edit: FRAMES/<edit>/<view>.png."""
-    names = [image.view.name for image in test.training_images]
-    return {edit: [iio.imread(folder / edit / f"{name}.png")[..., :3] / 255 for name in names] for edit in truth.edits}
+    """Return what the demo has written for each edit, FRAMES/<edit>/<view>.png, in the size of the truth."""
+
+    def read(edit: str, view: str) -> np.ndarray:
+        return reduced(iio.imread(folder / edit / f"{view}.png")[..., :3] / 255)
+
+    return {edit: [read(edit, image.view.name) for image in test.training_images] for edit in truth.edits}
 
 
 def figures(test: TestViews, frames: Pictures, truth: Truth) -> dict[str, float]:

@@ -81,15 +81,15 @@ def main(argv: list[str] | None = None) -> int:
     """Make the whole capture, or the steps named by ``--only``; later steps read the labels of the ``truth`` step."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="folder to write, for example demo")
-    parser.add_argument("--size", type=int, default=256, help="width and height in pixels")
+    parser.add_argument("--size", type=int, default=512, help="width and height in pixels")
     parser.add_argument("--train", type=int, default=60, help="number of training views")
     parser.add_argument("--test", type=int, default=12, help="number of test views")
-    parser.add_argument("--samples", type=int, default=64, help="samples per pixel at most")
+    parser.add_argument("--samples", type=int, default=16, help="samples per pixel at most")
     parser.add_argument("--threads", type=int, default=2, help="processor threads")
     parser.add_argument("--only", nargs="+", choices=STEPS, default=STEPS, help="steps to run")
     parser.add_argument("--film", type=Path, metavar="DIR", help="render large photos along an arc there")
     options = parser.parse_args(argv)
-    extent = Extent(options.size, options.train, options.test, options.samples)
+    extent = Extent(options.size, options.train, options.test, options.samples, ".jpg")
     if options.film:
         make_film(STILL_LIFE, extent, options.out, options.film, FILM_ARC, options.threads)
         return 0

@@ -12,6 +12,7 @@ import numpy as np
 from karf_engine.io.color import srgb_to_linear
 
 DEMO = Path(__file__).resolve().parents[2] / "demo"
+SIDE = 256  # pixels to which larger pictures are reduced: what the preset `demo` learns, and what figures compare
 CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor differs by more, sRGB
 PAINT_ANGLE = 15.0  # degrees at least between the changes of two paints in linear light
 PAINT_SHARE = 0.1  # of the changed pixels at least, of each paint
@@ -19,7 +20,10 @@ ROUNDS = 20  # of 2-means
 
 
 class Truth:
-    """Ground truth of the capture in `folder`. Pictures are float [H, W, 3] in [0, 1]; labels int [H, W], 0 for no object."""
+    """Ground truth of the capture in `folder`, at most SIDE pixels wide.
+
+    Pictures are float [H, W, 3] in [0, 1]; labels int [H, W], 0 for no object.
+    """
 
     def __init__(self, folder: Path = DEMO) -> None:
         self.folder = folder
@@ -29,8 +33,10 @@ class Truth:
     @cache  # noqa: B019 (one instance a run)
     def labels(self, split: str) -> list[np.ndarray]:
         """Object ids of each view of a split, in the order of its names."""
+        ids = np.array([0, *self.names.values()])
         # palette pictures: plain reading would give the palette's colors instead of the ids
-        return [iio.imread(path, mode="P") for path in sorted((self.folder / "labels" / split).glob("*.png"))]
+        pictures = [iio.imread(path, mode="P") for path in sorted((self.folder / "labels" / split).glob("*.png"))]
+        return [ids[reduced((labels[..., None] == ids).astype(float)).argmax(-1)] for labels in pictures]
 
     def masks(self, split: str) -> dict[str, list[np.ndarray]]:
         """The true masks of a split's views, object by object."""
@@ -44,7 +50,7 @@ class Truth:
     @cache  # noqa: B019
     def recolored(self, edit: str) -> list[np.ndarray]:
         """True recolors of the test views; of a matte capture over white, as renderings are."""
-        return [_over_white(path) for path in sorted((self.folder / "recolor" / edit / "test").glob("*.png"))]
+        return [_over_white(path) for path in sorted((self.folder / "recolor" / edit / "test").iterdir())]
 
     def color_pair(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
         """What an eyedropper reads in the one training view whose recolor is known: median color before and after.
@@ -81,15 +87,16 @@ class Truth:
 
     def reference(self, edit: str) -> tuple[np.ndarray, np.ndarray]:
         """The one training photo whose true recolor is known, and that recolor."""
-        name = f"{self.edits[edit]['reference_view']}.png"
+        name = f"{self.edits[edit]['reference_view']}.*"
         folders = self.folder / "train", self.folder / "recolor" / edit / "train"
-        before, after = (_over_white(folder / name) for folder in folders)
+        before, after = (_over_white(next(folder.glob(name))) for folder in folders)
         return before, after
 
     def coarse_mask(self, edit: str, object_name: str) -> np.ndarray:
         """The rough mask of an object in the edit's reference view, bool [H, W]."""
         view = self.edits[edit]["reference_view"]
-        return iio.imread(self.folder / "coarse_masks" / "one" / object_name / f"{view}.png") > 127
+        mask = iio.imread(self.folder / "coarse_masks" / "one" / object_name / f"{view}.png")
+        return reduced(mask[..., None].astype(float))[..., 0] > 127
 
     def write_training_masks(self, folder: Path, count: int | None = None) -> Path:
         """The true masks of `count` training views, evenly chosen (default: all), as MASKS/<object>/<photo stem>.png;
@@ -119,7 +126,14 @@ def _paints(changes: np.ndarray) -> np.ndarray:
     return paint if is_two else np.zeros_like(paint)
 
 
+def reduced(picture: np.ndarray) -> np.ndarray:
+    """Return a picture [H, W, C] with the means of its squares, so that it has at most SIDE pixels a side."""
+    height, width, channels = picture.shape
+    step = -(-max(height, width) // SIDE)
+    return picture.reshape(height // step, step, width // step, step, channels).mean((1, 3))
+
+
 def _over_white(path: Path) -> np.ndarray:
     picture = iio.imread(path) / 255
     alpha = picture[..., 3:] if picture.shape[-1] == 4 else 1.0
-    return picture[..., :3] * alpha + 1 - alpha
+    return reduced(picture[..., :3] * alpha + 1 - alpha)

@@ -8,18 +8,19 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+JPEG = {"quality": 92, "subsampling": 0}  # colors at full size
 LABEL_COLORS = (0, 0, 0, 220, 50, 40, 40, 90, 220, 90, 190, 50)
 
 
-def write_png(path: Path, pixels: np.ndarray) -> None:
-    """Write (H, W) or (H, W, 3) unsigned integers as a small PNG."""
+def write_picture(path: Path, pixels: np.ndarray) -> None:
+    """Write (H, W) or (H, W, 3) unsigned integers as a small PNG or JPEG, by the suffix."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(pixels).save(path, optimize=True)
+    Image.fromarray(pixels).save(path, optimize=True, **(JPEG if path.suffix == ".jpg" else {}))
 
 
 def write_mask(path: Path, mask: np.ndarray) -> None:
     """Write a mask (H, W) bool as a PNG of 0 and 255."""
-    write_png(path, np.where(mask, 255, 0).astype(np.uint8))
+    write_picture(path, np.where(mask, 255, 0).astype(np.uint8))
 
 
 def write_labels(path: Path, ids: np.ndarray) -> None:

@@ -10,7 +10,7 @@ import imageio.v3 as iio
 import numpy as np
 
 from .cameras import View
-from .files import write_png
+from .files import write_mask
 
 IOU_RANGE = (0.77, 0.88)
 # of the errors: large objects need larger ones to come into that range, thin ones smaller
@@ -125,9 +125,7 @@ def draw_masks(out: Path, views: list[View], names: dict[str, int], flaws: dict[
             mask = draw_mask(labels, object_id, flaw, 100 * object_id + place_in_set)
             sets = ("one", "three") if place_in_set == 0 else ("three",)
             for folder in sets:
-                write_png(
-                    out / "coarse_masks" / folder / name / f"{view.stem}.png", np.where(mask, 255, 0).astype(np.uint8)
-                )
+                write_mask(out / "coarse_masks" / folder / name / f"{view.stem}.png", mask)
             overlap = intersection_over_union(mask, labels == object_id)
             lines.append(f"{name:7s} {view.stem}  {'+'.join(sets):10s}  {flaw:5s}  {overlap:.3f}")
     return "\n".join(lines)

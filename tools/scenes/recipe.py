@@ -26,8 +26,8 @@ Rendered with Cycles from a procedural scene; public domain (CC0 1.0). Made by
 
 What is where
   transforms_train.json, transforms_test.json   cameras, NeRF-synthetic layout (file_path has no extension)
-  train/r_000.png ...       {train} training photos, 8-bit sRGB, no alpha
-  test/r_000.png ...        {test} test photos, their directions lie between those of the training photos
+  train/r_000{suffix} ...       {train} training photos, 8-bit sRGB, no alpha
+  test/r_000{suffix} ...        {test} test photos, their directions lie between those of the training photos
   labels/<split>/r_000.png  object id of each pixel (palette image, pixel value = id), one ray per pixel center
   labels/names.json         object name -> id; 0 is everything else
   depth/test/r_000.png      16-bit depth along the camera axis in steps of 0.001 scene units; 65535 = nothing there
@@ -85,12 +85,13 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Extent:
-    """How much of it is rendered: pixels of a square photo, views, samples per pixel at most."""
+    """How much of it is rendered: pixels of a square photo, views, samples per pixel at most, photos' kind of file."""
 
     size: int
     train: int
     test: int
     samples: int
+    suffix: str = ".png"
 
 
 def make_capture(
@@ -106,32 +107,32 @@ def make_capture(
     set_up_render(extent.size, recipe.field_of_view, threads)
     if "photos" in steps:
         write_transforms(out, views, recipe.field_of_view)
-        render_photos(out, views, extent.samples)
+        render_photos(out, views, extent.samples, extent.suffix)
     if "truth" in steps:
         render_truth(out, views, recipe.names)
     if "recolors" in steps:
-        render_recolors(recipe, out, views, extent.samples)
+        render_recolors(recipe, out, views, extent)
     if "masks" in steps:
         table = draw_masks(out, views, recipe.names, recipe.flaws)
         write_readme(recipe, extent, out, views, command, table)
         print(table, flush=True)
 
 
-def render_recolors(recipe: Recipe, out: Path, views: list[View], samples: int) -> None:
+def render_recolors(recipe: Recipe, out: Path, views: list[View], extent: Extent) -> None:
     """Render the true recolors of all test views and of the reference view, and write ``edits.json``."""
     reference = reference_view(out, views, recipe.names)
-    render_edits(recipe, out, [view for view in views if view.split == "test" or view == reference], samples)
+    render_edits(recipe, out, [view for view in views if view.split == "test" or view == reference], extent)
     edits = {
         name: {"objects": list(edit.objects), "reference_view": reference.stem} for name, edit in recipe.edits.items()
     }
     write_json(out / "edits.json", {"edits": edits})
 
 
-def render_edits(recipe: Recipe, out: Path, views: list[View], samples: int) -> None:
+def render_edits(recipe: Recipe, out: Path, views: list[View], extent: Extent) -> None:
     """Render these views in the paints of each edit."""
     for name, edit in recipe.edits.items():
         before = set_colors(edit.colors)
-        render_photos(out / "recolor" / name, views, samples)
+        render_photos(out / "recolor" / name, views, extent.samples, extent.suffix)
         set_colors(before)
 
 
@@ -143,6 +144,7 @@ def write_readme(recipe: Recipe, extent: Extent, out: Path, views: list[View], c
         blender=bpy.app.version_string,
         size=extent.size,
         samples=extent.samples,
+        suffix=extent.suffix,
         train=extent.train,
         test=extent.test,
         reference=reference_view(out, views, recipe.names).stem,

@@ -12,7 +12,7 @@ import imageio.v3 as iio
 import numpy as np
 
 from .cameras import View
-from .files import write_json, write_labels, write_png
+from .files import write_json, write_labels, write_picture
 from .materials import unlit
 
 PIXEL_FILTER = 1.5  # width of Cycles' Blackman-Harris filter in photos, pixels
@@ -100,8 +100,8 @@ def render_view(view: View, file: Path) -> float:
     return time.perf_counter() - start
 
 
-def render_photos(out: Path, views: list[View], samples: int) -> None:
-    """Render ``out/<split>/<stem>.png`` for every view and print the mean time of one; with alpha if the film has it.
+def render_photos(out: Path, views: list[View], samples: int, suffix: str = ".png") -> None:
+    """Render ``out/<split>/<stem>`` for every view and print the mean time of one; with alpha if the film has it.
 
     The frame is the view's number: what moves in the scene moves from photo to photo.
     """
@@ -112,7 +112,7 @@ def render_photos(out: Path, views: list[View], samples: int) -> None:
             bpy.context.scene.frame_set(view.number)
             raw = Path(folder) / "photo.png"
             seconds.append(render_view(view, raw))
-            write_png(out / view.split / f"{view.stem}.png", iio.imread(raw))
+            write_picture(out / view.split / f"{view.stem}{suffix}", iio.imread(raw))
     print(f"{out}: {len(seconds)} photos, {np.mean(seconds):.2f} s each", flush=True)
 
 
@@ -129,7 +129,7 @@ def render_truth(out: Path, views: list[View], names: dict[str, int]) -> None:
             write_labels(out / "labels" / file, ids)
             if view.split == "test":
                 steps = np.minimum(np.rint(depth / DEPTH_UNIT), NO_DEPTH).astype(np.uint16)
-                write_png(out / "depth" / file, steps)
+                write_picture(out / "depth" / file, steps)
 
 
 def read_pass(folder: Path, name: str) -> np.ndarray:

@@ -60,7 +60,7 @@ def write_noise(folder, count, size=128):
 
 def test_demo_photos_are_placed_near_their_true_poses(tmp_path):
     (tmp_path / "photos").mkdir()
-    for photo in sorted((ROOT / "demo" / "train").glob("*.png"))[::2]:
+    for photo in sorted((ROOT / "demo" / "train").glob("*.jpg"))[::2]:
         shutil.copy(photo, tmp_path / "photos")
     events = run(tmp_path / "photos", tmp_path / "capture")
     capture = open_capture(tmp_path / "capture")

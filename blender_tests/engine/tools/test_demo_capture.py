@@ -10,7 +10,7 @@ from blender_tests.engine.conftest import ROOT
 
 DEMO = ROOT / "demo"
 VIEWS = {"train": 60, "test": 12}
-SIZE = 256
+SIZE = 512
 MASKS = sorted((DEMO / "coarse_masks").glob("*/*/*.png"))
 
 
@@ -32,7 +32,7 @@ def test_every_frame_has_a_photo_and_labels(split):
     stems = [f"r_{number:03d}" for number in range(VIEWS[split])]
     assert [frame["file_path"] for frame in FRAMES[split]] == [f"./{split}/{stem}" for stem in stems]
     for stem in stems:
-        photo, labels = iio.imread(DEMO / split / f"{stem}.png"), read_labels(split, stem)
+        photo, labels = iio.imread(DEMO / split / f"{stem}.jpg"), read_labels(split, stem)
         assert photo.shape == (SIZE, SIZE, 3) and photo.dtype == np.uint8
         assert labels.shape == (SIZE, SIZE) and labels.max() <= 3
     assert len(list((DEMO / split).iterdir())) == len(list((DEMO / "labels" / split).iterdir())) == VIEWS[split]
@@ -53,7 +53,7 @@ def test_objects_are_visible_in_most_views():
     assert NAMES == {"pot": 1, "mug": 2, "apple": 3}
     labels = np.array([read_labels("train", f"r_{number:03d}") for number in range(VIEWS["train"])])
     for object_id in NAMES.values():
-        assert np.mean((labels == object_id).sum((1, 2)) > 300) > 0.9
+        assert np.mean((labels == object_id).sum((1, 2)) > 1200) > 0.9
 
 
 def test_depth_unprojects_onto_the_table():
@@ -89,7 +89,7 @@ def test_single_mask_is_among_the_three(name):
 def test_true_recolor_changes_only_its_objects(edit):
     facts = read_json("edits.json")["edits"][edit]
     folder = DEMO / "recolor" / edit
-    recolored = [*(folder / "test").iterdir(), folder / "train" / f"{facts['reference_view']}.png"]
+    recolored = [*(folder / "test").iterdir(), folder / "train" / f"{facts['reference_view']}.jpg"]
     assert len(recolored) == VIEWS["test"] + 1
     for path in recolored:
         before, after = (iio.imread(each).astype(float) for each in (DEMO / path.relative_to(folder), path))

@@ -8,7 +8,7 @@ import imageio.v3 as iio
 import numpy as np
 from PIL import Image, ImageFilter
 
-from ..files import write_png
+from ..files import write_picture
 from .scene import PhotoFlaws
 
 GAMMA = 2.2  # close enough to sRGB for a change of a few percent
@@ -18,7 +18,7 @@ def spoil_photos(out: Path, flaws: PhotoFlaws, seed: int) -> None:
     """Give the training photos of a capture its flaws; a recolor of such a photo gets the same."""
     for path in sorted(out.glob("train/*.png")):
         for file in (path, *out.glob(f"recolor/*/train/{path.name}")):
-            write_png(file, spoiled(iio.imread(file), flaws, np.random.default_rng((seed, int(path.stem[2:])))))
+            write_picture(file, spoiled(iio.imread(file), flaws, np.random.default_rng((seed, int(path.stem[2:])))))
 
 
 def spoiled(photo: np.ndarray, flaws: PhotoFlaws, rng: np.random.Generator) -> np.ndarray:
