@@ -71,7 +71,7 @@ def lay_out(out: Path, is_new: bool) -> None:
     if is_new:
         for name in ("desk", "user", "shots", "screen"):
             shutil.rmtree(out / name, ignore_errors=True)
-        for name in ("desk/sub", "user", "shots", "screen"):
+        for name in ("desk/sub", "desk/first", "user", "shots", "screen"):
             (out / name).mkdir(parents=True)
         (out / "blender.log").unlink(missing_ok=True)
         package = max((ROOT / "dist").glob("karf-*.zip"), key=lambda file: file.stat().st_mtime)

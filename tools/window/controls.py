@@ -19,7 +19,9 @@ EMPTY_ROWS = 26  # consecutive rows without a button after which the panels end
 EDGE_STEPS = 200  # at most, from a button to its edge
 RIGHT = 0.845  # where a sidebar has the small button at the end of a row
 COLUMNS = 0.45, RIGHT, 0.2, 0.68, 0.32, 0.57  # of a region's width, in the order of a search
-SWATCH = r'karf\.objects\[(0|"[^"]*")\]\.swatches\[(1|"[^"]*1")\]\.color'  # the first object's second, used throughout
+SWATCH = (
+    r'karf\.objects\[(0|"[^"]*")\]\.swatches\[[^]]+\]\.color'  # of the first object; the leftmost is used throughout
+)
 # of the color picker: its width, and the middle of its wheel from its left and upper edge, and from its lower one
 PICKER, WHEEL, WHEEL_Y = 206, 91, 223
 STEPS, DRAG_PAUSE = 8, 0.12  # of a drag in it
@@ -87,6 +89,13 @@ def press_button(where: Where, pattern: str, first: float = COLUMNS[0]) -> Wait:
     yield from hands.click(place)
 
 
+def open_step(where: Where, page: str) -> Wait:
+    """Click the heading of a step, which has the button of its page of the manual."""
+    region = hands.region_of(where)
+    _, y = yield from find(where, rf"karf\.open_manual\(page='{page}'\)", RIGHT)
+    yield from hands.click((region.x + int(0.3 * region.width), y))
+
+
 # --- swatches --------------------------------------------------------------------------------------------------------
 def find_swatch() -> Generator[float, None, Place]:
     """Return the place of the swatch."""
@@ -104,10 +113,11 @@ def drag_swatch(way: tuple[int, int]) -> Generator[float, None, int]:
     """
     before = desk.swatches()
     field = yield from find_swatch()
-    left, _ = yield from _edge(field, (-4, 0))
-    right, _ = yield from _edge(field, (4, 0))
-    _, top = yield from _edge(field, (0, 4))
-    _, bottom = yield from _edge(field, (0, -4))
+    meant = meaning(BESIDE_PICTURE)
+    left, _ = yield from _edge(field, (-4, 0), meant)
+    right, _ = yield from _edge(field, (4, 0), meant)
+    _, top = yield from _edge(field, (0, 4), meant)
+    _, bottom = yield from _edge(field, (0, -4), meant)
     is_above = top + WHEEL_Y + WHEEL < hands.window().height
     starts = [left, right - PICKER]
     for start in starts if right + PICKER < hands.window().width else reversed(starts):
@@ -126,13 +136,13 @@ def drag_swatch(way: tuple[int, int]) -> Generator[float, None, int]:
     raise Broken("the picker is at neither edge of its swatch")
 
 
-def _edge(place: Place, step: Place) -> Generator[float, None, Place]:
-    """Return the last place of the swatch along a direction."""
+def _edge(place: Place, step: Place, meant: str) -> Generator[float, None, Place]:
+    """Return the last place along a direction of the button that means this."""
     for _ in range(EDGE_STEPS):
         following = place[0] + step[0], place[1] + step[1]
         yield from hands.move(following)
         yield 0.1
-        if not re.search(SWATCH, meaning(BESIDE_PICTURE)):
+        if meaning(BESIDE_PICTURE) != meant:
             return place
         place = following
     raise Broken("the swatch has no edge: a popup is open, which answers for every place")

@@ -15,7 +15,7 @@ from . import hands
 from .hands import Wait
 
 PACKAGE = "bl_ext.user_default.karf"
-MARKED_VIEW, PHOTO_SIZE = "r_041", 256
+MARKED_VIEW, PHOTO_SIZE = "r_041", 512
 
 
 class Broken(Exception):
@@ -72,10 +72,15 @@ def _bytes(image: bpy.types.Image) -> np.ndarray:
     return np.rint(buffer * 255).astype(np.uint8).reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
 
 
+def mask_file() -> Path:
+    """Return the file of the object's mask in the active view."""
+    folder = module("marking.objects").masks_folder(scene()) / scene().karf.marking.objects[0].name
+    return folder / f"{scene().karf.active_view}.png"
+
+
 def mask() -> np.ndarray:
     """Return the object's mask of the active view from its file, [H, W]."""
-    folder = module("marking.objects").masks_folder(scene()) / scene().karf.marking.objects[0].name
-    return pixels_of(folder / f"{scene().karf.active_view}.png")[..., 0]
+    return pixels_of(mask_file())[..., 0]
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ Place = tuple[int, int]
 Wait = Generator[float, None, None]
 PAUSE = 0.03  # seconds that Blender needs for an event
 AFTER = 0.3  # seconds after a click or a key
+gestures: list[str] = []  # clicks, keys and drags so far
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ def move(place: Place) -> Wait:
 
 def press(kind: str, place: Place, **modifiers) -> Wait:
     """Press and release a key with the mouse at a place."""
+    gestures.append(kind)
     yield from move(place)
     for value in ("PRESS", "RELEASE"):
         send(kind, value, place, **modifiers)
@@ -92,6 +94,7 @@ def click(place: Place) -> Wait:
 
 def drag(places: Sequence[Place], pause: float = PAUSE) -> Wait:
     """Press at the first place, move through the others with pauses, and release at the last."""
+    gestures.append("drag")
     yield from move(places[0])
     send("LEFTMOUSE", "PRESS", places[0])
     yield PAUSE

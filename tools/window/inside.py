@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # Blender runs this file by its path
-from tools.window import acts, desk, hands, learning, recoloring, record
+from tools.window import acts, desk, first_picture, hands, learning, recoloring, record
 
 IDLE_SECONDS = 0.005  # that Blender sleeps between two looks for events, where they are simulated
 
@@ -20,7 +20,7 @@ IDLE_SECONDS = 0.005  # that Blender sleeps between two looks for events, where 
 def tell(job: dict) -> hands.Wait:
     """Do the steps that the job names, or all; a failing step does not end the story."""
     file = Path(job["out"]) / "record.json"
-    told = [*learning.CHAPTER.steps, *recoloring.CHAPTER.steps]
+    told = [*learning.CHAPTER.steps, *recoloring.CHAPTER.steps, *first_picture.CHAPTER.steps]
     told = [(step, run) for step, run in told if not job["only"] or step.name in job["only"]]
     steps = [step for step, _ in told]
     record.write(file, steps)

@@ -16,7 +16,7 @@ CHAPTER = Chapter()
 TOOLBAR = Where("IMAGE_EDITOR", "TOOLS")
 N_PHOTOS = 72
 # over the teapot in the photo of the marked view: row, first and last column
-STROKES = (88, 104, 138), (104, 98, 148), (120, 96, 152), (136, 104, 144), (144, 110, 136)
+STROKES = (176, 208, 276), (208, 196, 296), (240, 192, 304), (272, 208, 288), (288, 220, 272)
 
 
 @CHAPTER.step("script: Install from Disk, the engine's Python in the preferences")
@@ -104,7 +104,7 @@ def mark(story: Story) -> Wait:
     yield from controls.press_button(TOOLBAR, r"karf\.mark_brush", 0.5)
     for row, first, last in STROKES:
         v = 1 - row / PHOTO_SIZE
-        yield from hands.drag([hands.in_picture(column / PHOTO_SIZE, v) for column in range(first, last, 6)])
+        yield from hands.drag([hands.in_picture(column / PHOTO_SIZE, v) for column in range(first, last, 12)])
     yield from story.shoot()
     mask = desk.mask()
     story.note(f"{(mask > 127).mean():.1%} of the photo are marked")
