@@ -32,7 +32,7 @@ def draw_advanced(layout, step):
 # keys that Blender's own key map of the Image Editor leaves free; with Alt the first opens the pie
 BEFORE_AFTER_KEY, FLIP_KEY = "C", "V"
 MODES, ADVANCED_MODES = ("EDITED", "ORIGINAL"), ("DIFFERENCE", "LEARNED", "WEIGHTS", "UNSURE")
-INVISIBLE, CLOSE = 1.0, 3.0  # CIEDE2000 below which a difference is invisible, or visible only side by side
+INVISIBLE, CLOSE = 1.0, 3.0  # CIEDE2000 below which a difference is invisible, or slight: visible only side by side
 
 
 def draw_view_options(layout, context):
@@ -103,7 +103,7 @@ def draw_left(layout, item):
 def draw_moved(layout, item):
     """Draw how much an edit of a paint, or of the whole object, moves beside the changed paints."""
     _, moved = displayed.of(item.id_data).moved.get(item.name, ((), 0.0))
-    text = translate("Other paints and neutrals: change is {how}", how=how_visible(moved))
+    text = translate("Change elsewhere: {how}", how=how_visible(moved))
     layout.label(text=text, icon="CHECKMARK" if moved < INVISIBLE else "INFO")
 
 
@@ -111,7 +111,7 @@ def how_visible(difference):
     """Return a CIEDE2000 difference in words."""
     if difference < INVISIBLE:
         return translate("invisible")
-    return translate("visible side by side") if difference < CLOSE else translate("visible")
+    return translate("slight") if difference < CLOSE else translate("visible")
 
 
 class KARF_MT_seeing_pie(bpy.types.Menu):

@@ -252,7 +252,7 @@ def test_technical_terms_are_only_under_advanced(learned, desk, first):
     for button, name in (("karf.import_capture", "photo_space"), ("karf.learn_all", "nerf")):
         after = drawn.index(button)
         assert after < drawn.index("Advanced", after) < drawn.index(name)
-    assert "pot: the remaining difference is visible side by side (2.0, was 9.0)" in drawn
+    assert "pot: the remaining difference is slight (2.0, was 9.0)" in drawn
 
 
 def test_open_advanced_controls_are_remembered_per_user(bpy, addon, desk):
