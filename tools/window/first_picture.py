@@ -8,8 +8,8 @@ import numpy as np
 from . import acts, controls, desk, hands
 from .desk import PHOTO_SIZE, check, until
 from .hands import BESIDE_PICTURE, SIDEBAR, VIEW, Wait
-from .record import Chapter, Story
 from .recoloring import recolored
+from .record import Chapter, Story
 
 CHAPTER = Chapter()
 AT_MOST = 10  # clicks and drags
