@@ -72,7 +72,6 @@ def _draw_swatch(column, item, index, swatch):
             learned.object_name, learned.index = item.name, index
     edited = column.row(align=True)
     edited.scale_y = 2.0
-    edited.enabled = not swatch.locked
     edited.prop(swatch, "color", text="")
     row = column.row(align=True)
     draw_solo(row, item.name, index)
