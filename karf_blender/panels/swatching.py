@@ -133,6 +133,7 @@ class KARF_MT_swatch(bpy.types.Menu):
 
     def draw(self, context):
         layout, item, swatch = self.layout, context.karf_object, context.karf_swatch
+        layout.label(text=f"{item.name} {_index_of(item, swatch)}", icon_value=tints.icon(swatch.color))
         layout.prop(swatch, "locked")
         layout.menu("KARF_MT_swatch_names", icon="COLOR")
         layout.separator()
