@@ -11,7 +11,7 @@ import numpy as np
 from .. import session
 from ..engine_api import BadRequest, DataError
 from ..host import rendering, windows
-from ..pictures import editors, images, photos
+from ..pictures import editors, images, photos, tints
 from ..preferences import state
 from ..progress import printing_errors
 from ..project import captures, disk, folders
@@ -22,6 +22,7 @@ from .raster import Place
 
 NAME = f"{editors.PREFIX} photo"
 VIEW = "karf_view"  # the property of the image with the name of its view
+SAMPLED_SIDE, SAMPLES = 512, 10_000  # size of the photo that an object's color is read from, pixels; of these at most
 
 
 def is_displayed(scene: bpy.types.Scene, space: bpy.types.SpaceImageEditor) -> bool:
@@ -56,6 +57,22 @@ def show(scene: bpy.types.Scene) -> bpy.types.Image:
     mask_layers.open_layers(scene)
     windows.redraw()
     return image
+
+
+def choose_tint(scene: bpy.types.Scene, marked: np.ndarray) -> None:
+    """Give the active object, if it has no mask yet, a tint that shows on the photo where it is marked [H, W]."""
+    image, item = scene.karf.marking.photo, objects.active(scene)
+    is_shown = image is not None and image.get(VIEW) == scene.karf.active_view
+    if not is_shown or not marked.any() or (objects.masks_folder(scene) / item.folder).exists():
+        return
+    with printing_errors():  # the mark counts without the photo's colors too
+        colors = images.read_picture(folders.absolute(image.filepath), SAMPLED_SIDE)
+        places = np.flatnonzero(marked)
+        rows, columns = np.unravel_index(places[:: len(places) // SAMPLES + 1], marked.shape)
+        (height, width), (high, wide) = marked.shape, colors.shape[:2]
+        color = np.median(colors[rows * high // height, columns * wide // width], axis=0)
+        others = (other.number for other in scene.karf.marking.objects if other != item)
+        item.number = tints.contrasting(color, others)
 
 
 def follow(scene: bpy.types.Scene) -> None:

@@ -8,7 +8,7 @@ import bpy
 
 from .. import session
 from ..host import windows
-from ..host.words import draw_text, translatable, translate
+from ..host.words import SIDEBAR, draw_text, translatable, translate, translate_message
 from ..project import disk
 from ..workspace import opening, states, statusbar
 from . import editing, learning, rendering, swatching
@@ -158,8 +158,13 @@ def _job_outcome(context):
 def _messages_title(context):
     if _has_trouble(context):
         return translate("Why, and What to Do")
-    count = len(context.window_manager.karf_progress.warnings.splitlines())
-    return translate("Messages: {count}", count=count) if count else translate("No Messages")
+    messages = context.window_manager.karf_progress.warnings.splitlines()
+    if not messages:
+        return translate("No Messages")
+    first = translate_message(messages[0])
+    text = first if len(messages) == 1 else f"{len(messages)}: {first}"
+    # Blender would leave out the middle
+    return text if len(text) <= SIDEBAR else f"{text[:SIDEBAR].rstrip()}\N{HORIZONTAL ELLIPSIS}"
 
 
 class KARF_PT_message(bpy.types.Panel):

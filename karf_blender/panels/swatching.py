@@ -72,7 +72,6 @@ def _draw_swatch(column, item, index, swatch):
             learned.object_name, learned.index = item.name, index
     edited = column.row(align=True)
     edited.scale_y = 2.0
-    edited.enabled = not swatch.locked
     edited.prop(swatch, "color", text="")
     row = column.row(align=True)
     draw_solo(row, item.name, index)
@@ -134,6 +133,7 @@ class KARF_MT_swatch(bpy.types.Menu):
 
     def draw(self, context):
         layout, item, swatch = self.layout, context.karf_object, context.karf_swatch
+        layout.label(text=f"{item.name} {_index_of(item, swatch)}", icon_value=tints.icon(swatch.color))
         layout.prop(swatch, "locked")
         layout.menu("KARF_MT_swatch_names", icon="COLOR")
         layout.separator()

@@ -4,9 +4,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import count
 
 import bpy.utils.previews
+import numpy as np
 
 from .. import session
-from ..engine_api import hex_to_rgb, rgb_to_hex
+from ..engine_api import ciede2000, hex_to_rgb, rgb_to_hex, srgb_to_lab
 
 # the nearest two differ by CIEDE2000 17; the first five by 34
 # blue is first: it shows on red and brown, the commonest colors of things
@@ -23,6 +24,13 @@ def tints_of(names: Iterable[str], numbers: Mapping[str, int]) -> dict[str, tupl
 def tint_of(index: int) -> tuple[float, float, float]:
     """Return the color of an object's number, sRGB in [0, 1]; there are eight."""
     return tuple(map(float, hex_to_rgb(TINTS[index % len(TINTS)])))
+
+
+def contrasting(color: np.ndarray, others: Iterable[int]) -> int:
+    """Return the number of the tint farthest from an sRGB color [3], if possible none of other objects' numbers."""
+    taken, numbers = {other % len(TINTS) for other in others}, range(len(TINTS))
+    distances = ciede2000(srgb_to_lab([tint_of(number) for number in numbers]), srgb_to_lab(color))
+    return max(numbers, key=lambda number: (number not in taken, distances[number]))
 
 
 class ColorIcons:

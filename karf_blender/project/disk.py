@@ -43,6 +43,7 @@ class Contents:
     any_view_helps: bool = False  # whether a mark in any other view would decide about as much
     # of each object: name, unsure share in [0, 1], and whether that is mostly unseen by marked photos
     unsure: tuple[tuple[str, float, bool], ...] = ()
+    centers: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)  # of objects, capture's world
     reached: tuple[str, str, float] = (
         "",
         "",
@@ -135,6 +136,7 @@ def read(scene: bpy.types.Scene) -> Contents:
             suggested=tuple(name for name in _table(report, "suggestions") if name in scene.karf.views),
             any_view_helps=report.get("any_view_helps") is True,
             unsure=_unsure(_table(report, "unsure")),
+            centers=_centers(_table(report, "centers")),
             reached=_reached(stages.get("splats", {})),
         )
     except (OSError, KarfError):  # unreadable, or gone while it was read
@@ -189,6 +191,13 @@ def _unsure(objects: Mapping[str, Any]) -> tuple[tuple[str, float, bool], ...]:
         return tuple((name, float(each["share"]), each["unseen"] > 0.5) for name, each in objects.items())
     except (KeyError, TypeError, ValueError):
         return ()
+
+
+def _centers(objects: Mapping[str, Any]) -> Mapping[str, tuple[float, float, float]]:
+    try:
+        return {name: (float(x), float(y), float(z)) for name, (x, y, z) in objects.items()}
+    except (TypeError, ValueError):
+        return {}
 
 
 # --- masks ---------------------------------------------------------------------------------------------------------

@@ -106,6 +106,11 @@ def _renamed(self, context):
     mask_layers.reread(self.id_data)
 
 
+def _object_chosen(self, context):
+    cameras.turn_views_about_object(self.id_data)
+    windows.redraw()
+
+
 def _switched(self, context):
     begin_or_follow = photo.begin_correcting if self.correct else photo.follow
     begin_or_follow(self.id_data)
@@ -133,7 +138,7 @@ class KARF_PG_marking(bpy.types.PropertyGroup):
     """The objects to mark, and the tools that mark them."""
 
     objects: CollectionProperty(type=KARF_PG_marked_object)
-    active: IntProperty(name="Object", description="Object to mark", update=lambda self, context: windows.redraw())
+    active: IntProperty(name="Object", description="Object to mark", update=_object_chosen)
     photo: PointerProperty(name="Photo", type=bpy.types.Image, description="Photo to mark")
     brush: IntProperty(
         name="Brush",

@@ -93,7 +93,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
         **FACTOR,
     )
     shift: FloatVectorProperty(size=3, description="Change of the color by the surface settings")
-    locked: BoolProperty(name="Lock", description="Protect this swatch from changes by tools", update=edit_changed)
+    locked: BoolProperty(name="Lock", description="Protect this swatch from changes", update=edit_changed)
     link: IntProperty(description="Swatches with the same number share one color. 0: none")
     merged: IntProperty(description="Number of the object's swatch that this one follows. 0: none")
     is_paint: BoolProperty(description="This color is one of the object's paints")

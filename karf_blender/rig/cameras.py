@@ -9,9 +9,10 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..engine_api import BadRequest, Capture, DataError, SparsePoints, View
+from ..host import windows
 from ..nodes import add, feed, shadeless_material
 from ..pictures import photos
-from ..project import folders
+from ..project import disk, folders
 from . import lens
 
 POINTS_NAME = "KaRF points"
@@ -278,19 +279,41 @@ def add_free(scene: bpy.types.Scene, view_matrix: Matrix, viewport_lens: float) 
     return camera
 
 
+def turn_views_about_object(scene: bpy.types.Scene) -> None:
+    """Make a scene's 3D Views orbit about the active object, where segmentation has found it; their pictures stay."""
+    center = _center(scene)
+    for area in windows.areas("VIEW_3D") if center is not None else ():
+        if windows.window_of(area).scene == scene:
+            _turn(area.spaces.active.region_3d, center)
+
+
 def turn_about(view: bpy.types.RegionView3D, scene: bpy.types.Scene) -> None:
-    """Make a 3D View orbit about the point that the captured cameras face; its picture stays."""
-    focus = _focus(scene)
-    if focus is None:
-        return
+    """Make a 3D View orbit about the active object, else the point that the captured cameras face; its picture stays."""
+    focus = _center(scene) or _focus(scene)
+    if focus is not None:
+        _turn(view, focus)
+
+
+def _turn(view: bpy.types.RegionView3D, focus: Vector) -> None:
+    """Make a 3D View orbit about the point in the middle of its picture that is nearest to a focus."""
     if view.view_perspective == "CAMERA":
         view.view_location = focus  # Blender takes its depth when the camera is left
         return
     back = view.view_rotation @ Vector((0, 0, 1))
-    eye = view.view_location + view.view_distance * back
-    distance = (eye - focus).dot(back)
-    if distance > 0:
-        view.view_distance, view.view_location = distance, eye - distance * back
+    behind = (view.view_location - focus).dot(back)
+    if view.view_perspective == "ORTHO":  # its distance is its scale
+        view.view_location -= behind * back
+    elif view.view_distance + behind > 0:
+        view.view_distance, view.view_location = view.view_distance + behind, view.view_location - behind * back
+
+
+def _center(scene: bpy.types.Scene) -> Vector | None:
+    """Return the middle of the active object to mark, where segmentation has found it."""
+    marking = scene.karf.marking
+    if scene.karf.rig is None or not 0 <= marking.active < len(marking.objects):
+        return None
+    center = disk.read(scene).centers.get(marking.objects[marking.active].folder)
+    return scene.karf.rig.matrix_world @ Vector(center) if center else None
 
 
 def _focus(scene: bpy.types.Scene) -> Vector | None:

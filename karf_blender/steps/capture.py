@@ -12,7 +12,7 @@ import bpy
 from .. import progress
 from ..engine_api import BadRequest, Capture, KarfError, Message, Project, Request, hold_out, open_capture
 from ..host import windows
-from ..host.words import kept
+from ..host.words import kept, translatable
 from ..marking import history, mask_layers
 from ..pictures import editors
 from ..preferences import state
@@ -59,7 +59,7 @@ def import_capture(
         capture = replace(capture, warnings=(*capture.warnings, f"{project} cannot be made: {error.strerror}."))
     if cameras.is_new(scene):
         scene.view_settings.view_transform = "Standard"
-        remark = "The scene's view transform is now Standard, which shows colors as the photos have them."
+        remark = translatable("The view transform is now Standard, which shows colors as the photos have them.")
         capture = replace(capture, warnings=(remark, *capture.warnings))
     karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, rig)
     with displayed.batched(scene):

@@ -7,6 +7,7 @@ takes away ("TAKE"): of a correction, it says "this is it" or "this is not". "CL
 from collections.abc import Sequence
 
 import bpy
+import numpy as np
 
 from .. import progress
 from ..engine_api import BadRequest
@@ -78,7 +79,8 @@ def mark_lasso(scene: bpy.types.Scene, places: Sequence[Place], does: str = "ADD
 def mark_box(scene: bpy.types.Scene, corner: Place, other: Place, does: str = "ADD") -> None:
     """Mark the object that the engine finds in a box. Without an engine, and to take away, the box itself counts."""
     if does == "ADD" and not scene.karf.marking.correct and not state.known().problem:
-        _choose_folder(scene)
+        middle, side = np.mean([corner, other], axis=0), np.abs(np.subtract(corner, other)).min()
+        _begin_proposal(scene, middle, side / 4)
         proposals.propose(scene, proposals.box(scene, _name(scene), corner, other))
         return
     layer = layer_to_mark(scene)
@@ -88,13 +90,21 @@ def mark_box(scene: bpy.types.Scene, corner: Place, other: Place, does: str = "A
 
 def mark_click(scene: bpy.types.Scene, place: Place, does: str = "ADD") -> None:
     """Mark what is under a click: the engine finds it; later clicks refine. In a correction it is a small dot."""
+    radius = max(mask_layers.open_layers(scene).size) * CLICK_SHARE
     if scene.karf.marking.correct:
-        mark_stroke(scene, [place], max(mask_layers.open_layers(scene).size) * CLICK_SHARE, does)
+        mark_stroke(scene, [place], radius, does)
     elif problem := state.known().problem:
         raise BadRequest("Clicks need the engine.", f"{problem} {WITHOUT_ENGINE}")
     else:
-        _choose_folder(scene)
+        _begin_proposal(scene, place, radius)
         proposals.propose(scene, proposals.click(scene, _name(scene), place, does == "ADD"))
+
+
+def _begin_proposal(scene: bpy.types.Scene, place: Place, radius: float) -> None:
+    """Prepare for the engine's mask, which undo would bring back without the tint: that of the place is chosen now."""
+    spot = np.zeros_like(layer_to_mark(scene).pixels)
+    raster.stroke(spot, place, place, max(radius, 1), 1)  # at least one pixel
+    photo.choose_tint(scene, spot)
 
 
 def erase_mask(scene: bpy.types.Scene) -> None:
@@ -117,6 +127,8 @@ def value_of(scene: bpy.types.Scene, does: str) -> int:
 
 def keep(scene: bpy.types.Scene, layer: Layer) -> None:
     layer.touch()
+    if not scene.karf.marking.correct:
+        photo.choose_tint(scene, layer.pixels)
     mask_layers.save(scene, _name(scene), scene.karf.marking.correct)
     disk.refresh()
     windows.redraw()

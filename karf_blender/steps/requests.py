@@ -13,6 +13,7 @@ from ..marking import photo
 from ..pictures import editors
 from ..project import disk, folders
 from ..render_engine import camera_pixels
+from ..rig import cameras
 from ..swatches import displayed, outputs, palettes
 from ..tasks.runner import Owner, Task
 from ..workspace import estimates
@@ -29,6 +30,9 @@ Finish = Callable[[Owner, Request], None]
 
 def import_results(owner: Owner, request: Request) -> None:
     """Import what a job has learned into the scenes of its project in the file that began it, or warn where it is."""
+    if request.stage == "segmentation":
+        for scene in owner.scenes():
+            cameras.turn_views_about_object(scene)
     brings_planes = request.stage == "render" and request.options["planes"]
     if request.stage != "recoloring" and not brings_planes:
         return

@@ -42,13 +42,21 @@ def suspended(scene: bpy.types.Scene) -> Iterator[None]:
 
 # --- changes -------------------------------------------------------------------------------------------------------
 def color_changed(swatch: bpy.types.PropertyGroup) -> None:
-    """Update the swatches that move with a changed one, and the picture. Colors set by programs move no paint."""
+    """Update the swatches that move with a changed one, and the picture. Colors set by programs move no paint.
+
+    A locked swatch gets its color back: its field is not disabled, since Blender would draw the color too dark.
+    """
     if session.get(_Memory).is_suspended:
         return
     scene, (item, index) = swatch.id_data, colors.place_of(swatch)
     now = colors.states(scene)
     before, own = session.get(_Memory).last_colors.get(_key(item)), now[item.name]
     before = own.learned if before is None or len(before) != len(own.chosen) else before
+    if swatch.locked and (own.chosen[index] != before[index]).any():
+        with suspended(scene):
+            swatch.color = before[index]
+        progress.warn("Swatch {index} of {name!r} is locked.", index=index, name=item.name)
+        return
     start_colors = own.chosen.copy()
     start_colors[index] = before[index]
     start = now | {item.name: own.with_colors(start_colors)}

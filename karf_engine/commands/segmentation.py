@@ -88,8 +88,10 @@ def _write(
     probabilities = segment_cache(karf, field, cached.cache)
     save_segmentation(run.output(job.project.segmentation_file), karf, objects, settings)
     save_surface(run.output(job.project.surface_file), object_surface(cached, probabilities), objects, settings)
-    world = field.space.to_world(torch.from_numpy(surface.points.positions).float().to(job.runtime.device))
-    doubts = SurfaceUncertainty(objects, world.float().cpu().numpy(), to_bytes(surface.labels.doubt))
+    points = torch.from_numpy(surface.points.positions).float().to(job.runtime.device)
+    world = field.space.to_world(points).float().cpu().numpy()
+    doubts = SurfaceUncertainty(objects, world, to_bytes(surface.labels.doubt))
     doubts.write(run.output(job.project.uncertainty_file))
-    report_of(cached, surface.points, surface.labels, probabilities).write(run.output(job.project.segmentation_report))
+    report = report_of(cached, surface.points, surface.labels, probabilities, world)
+    report.write(run.output(job.project.segmentation_report))
     run.summary["objects"] = objects

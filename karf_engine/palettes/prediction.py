@@ -139,8 +139,6 @@ def _is_held(
     lab: np.ndarray, start: np.ndarray, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]
 ) -> bool:
     """Return whether the color would be reached without the locks."""
-    if not any(locked):  # black is always
-        return False
     try:
         free = match_becomes(*seen, start, source, np.clip(lab_to_srgb(lab), 0, 1))
     except BadRequest:  # a source that is black
@@ -161,9 +159,9 @@ def _reason(lab: np.ndarray, start: np.ndarray, seen: ColorHistogram, source: np
     free = np.setdiff1d(np.arange(len(weights)), [0, *locked])
     if weights[free].sum() < ROUNDING:
         return f"its color {color} is all of black or locked swatches, which stay as they are"
-    if _is_held(lab, start, seen, source, locked):
-        held = " and ".join(f"swatch {number}" for number in sorted(locked) if number)
-        return f"locks hold it: without that of {held} it would be reached"
+    held = [f"swatch {number}" for number in sorted(locked) if number and weights[number] > ROUNDING]
+    if held and _is_held(lab, start, seen, source, locked):
+        return f"locks hold it: without that of {' and '.join(held)} it would be reached"
     if (wanted > source + weights[free] @ (MAX_SRGB - start[free]) + ROUNDING).any():
         return (
             f"{100 * weights[0]:.0f} % of its color {color} are the palette's black: too little light falls there, "

@@ -54,6 +54,7 @@ class SegmentationReport:
     surface_points: int  # number of labelled points
     unsure: dict[str, ObjectDoubt]  # by object; empty in old files
     suggestions: Suggestions  # none in old files
+    centers: dict[str, list[float]]  # of objects with points, [3] world coordinates; empty in old files
 
     def write(self, path: Path) -> None:
         content = {
@@ -66,6 +67,7 @@ class SegmentationReport:
             "unsure": {name: asdict(each) for name, each in self.unsure.items()},
             "suggestions": self.suggestions.scores,
             "any_view_helps": self.suggestions.any_view_helps,
+            "centers": self.centers,
         }
         write_json(path, content)
 
@@ -80,15 +82,16 @@ class SegmentationReport:
             precision, agreement = content["precision"], content["iou_with_marks"]
             unsure = {name: ObjectDoubt(**each) for name, each in content.get("unsure", {}).items()}
             suggestions = Suggestions(content.get("suggestions", {}), content.get("any_view_helps", False))
-            report = cls(
-                objects, precision, agreement, views, masked_views, content["surface_points"], unsure, suggestions
-            )
+            centers, n_points = content.get("centers", {}), content["surface_points"]
+            report = cls(objects, precision, agreement, views, masked_views, n_points, unsure, suggestions, centers)
             for part in (report, suggestions, *unsure.values()):
                 check_fields(part)
             shares = [*precision.values(), *chain(*agreement.values()), *suggestions.scores.values()]
             shares += [share for each in unsure.values() for share in (each.share, each.unseen)]
             if set(precision) != set(objects) or set(agreement) != set(objects):
                 raise ValueError("other objects")
+            if not all(len(center) == 3 and np.isfinite(center).all() for center in centers.values()):
+                raise ValueError("centers that are no places")
             if report.surface_points < 0 or not all(0 <= share <= 1 for share in shares):
                 raise ValueError("numbers out of range")
         except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -96,10 +99,13 @@ class SegmentationReport:
         return report
 
 
-def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probabilities: Tensor) -> SegmentationReport:
+def report_of(
+    cached: CachedViews, points: SurfacePoints, labels: Labels, probabilities: Tensor, world: np.ndarray
+) -> SegmentationReport:
     """Compare a segmentation with its masks.
 
     points: of the n cached rays. labels: of the points. probabilities: [n, K+1], of the rays as F_s renders them.
+    world: [p, 3], the points in world coordinates.
     """
     views = cached.views
     pictures = cached.pictures(probabilities.argmax(1).cpu().numpy())
@@ -116,6 +122,11 @@ def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probab
         surface_points=len(labels.probabilities),
         unsure=unsure_objects(cached, points, labels),
         suggestions=views_to_mark(cached, points, labels),
+        centers={
+            name: np.median(world[own], axis=0).tolist()
+            for k, name in enumerate(views.objects, 1)
+            if (own := labels.classes == k).any()
+        },
     )
 
 

@@ -240,7 +240,8 @@ def geometry(project, options):
 
 def segmentation(project, options):
     names = sorted(folder.name for folder in Path(options["masks"]).iterdir())
-    write_json(project.segmentation_report, {"objects": names})
+    centers = {name: [0.0, 0.0, float(number)] for number, name in enumerate(names)}
+    write_json(project.segmentation_report, {"objects": names, "centers": centers})
     project.uncertainty_file.touch()
     project.finish("segmentation", "fake", objects=names)
 

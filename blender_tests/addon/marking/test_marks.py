@@ -155,6 +155,39 @@ def test_smaller_mask_is_reopened_at_full_size(addon, marked, tmp_path):
     assert mask(addon, marked).shape == SHAPE and mask(addon, marked)[8, 8]
 
 
+@pytest.mark.parametrize(
+    "mark",
+    [
+        ("mark_stroke", [(3, 3)], 3),
+        ("mark_lasso", [(1, 1), (6, 1), (6, 5), (1, 5)]),
+        ("mark_box", (1, 1), (6, 5)),
+        ("mark_click", (3, 3)),
+    ],
+    ids=lambda mark: mark[0],
+)
+def test_first_mark_gives_an_object_a_tint_unlike_its_color_and_other_objects(bpy, addon, marked, mark):
+    def tints():
+        objects = bpy.context.scene.karf.marking.objects
+        return [addon.engine_api.rgb_to_hex(addon.objects.tint(item)) for item in objects]
+
+    blue, yellow, green = addon.tints.TINTS[0], addon.tints.TINTS[2], addon.tints.TINTS[3]
+    assert tints() == [blue]
+    marked.karf.active_view = "photo_2"
+    addon.steps.show_photo(marked)
+    step, *arguments = mark
+    getattr(addon.steps, step)(marked, *arguments)  # on blue
+    bpy.ops.ed.undo_push(message="mark")
+    assert tints() == [yellow]
+    addon.steps.mark_stroke(bpy.context.scene, [(20, 3)], 3)  # on green
+    bpy.ops.ed.undo_push(message="stroke")
+    assert tints() == [yellow]
+    addon.steps.add_object(bpy.context.scene, "lid")
+    addon.steps.mark_stroke(bpy.context.scene, [(3, 3)], 3)
+    assert tints() == [yellow, green]
+    bpy.ops.ed.undo()
+    assert tints() == [yellow]
+
+
 def test_stroke_after_undo_starts_a_new_branch(bpy, addon, marked):
     for place in ((5, 5), (15, 8)):
         addon.steps.mark_stroke(bpy.context.scene, [place], 3)

@@ -102,8 +102,9 @@ def dismissed(action):
 
 
 RUNNING = {"running": True, "stage": "Learn Scene", "fraction": 0.5, "text": "50%"}
-FAILED = {"stage": "Learn Scene", "error": "a.png is missing.", "hint": "Find it.", "warnings": "The lid is dark."}
-FAILURE = {"Learn Scene failed": 1, "a.png is missing.": 1, "Find it.": 1, "The lid is dark.": 1}
+DARK, FAR, LONG = "The lid is dark.", "The pot is far.", "The scene's cameras look past the objects on the table."
+FAILED = {"stage": "Learn Scene", "error": "a.png is missing.", "hint": "Find it.", "warnings": DARK}
+FAILURE = {"Learn Scene failed": 1, "a.png is missing.": 1, "Find it.": 1, DARK: 1}
 POINTS = {"show_reprojection": 1, "Look through a view to see its errors": 1}
 SURFACE = {"saturation": 2, "brightness": 2, "gloss": 2, "karf.reset_surface": 2}
 EMPTY = {"karf.import_capture": 1, "color": 0, "karf.cancel": 0, "preferences.addon_show": 0}
@@ -121,6 +122,9 @@ STATES = {
     "running": ("scene", setting("progress", **RUNNING), {"Learn Scene": 1, "50%": 1, "karf.cancel": 1}),
     "failed": ("scene", FAIL, FAILURE),
     "failed, dismissed": ("scene", dismissed(FAIL), dict.fromkeys([*FAILURE, "karf.dismiss"], 0)),
+    "a message": ("scene", setting("progress", warnings=DARK), {DARK: 2}),  # itself, and in what it opens
+    "a long message": ("scene", setting("progress", warnings=LONG), {"The scene's cameras look past the…": 1, LONG: 1}),
+    "messages": ("scene", setting("progress", warnings=f"{DARK}\n{FAR}"), {f"2: {DARK}": 1, DARK: 1, FAR: 1}),
     "wrote": ("scene", WROTE, {"karf.open_folder": 1}),
     "wrote, dismissed": ("scene", dismissed(WROTE), {"karf.open_folder": 0}),
     "imported": (
@@ -306,7 +310,7 @@ def test_swatch_menus_offer_possible_actions_also_on_right_click(bpy, addon, lea
 
     always = {"locked", "karf.copy_swatch", "karf.paste_swatch", "KARF_MT_swap", "KARF_MT_link", "KARF_MT_merge"}
     grouped = {"karf.unlink_swatch", "karf.split_swatch"}
-    assert always <= {*drawn("KARF_MT_swatch")} and not grouped & {*drawn("KARF_MT_swatch")}
+    assert always | {"pot 1"} <= {*drawn("KARF_MT_swatch")} and not grouped & {*drawn("KARF_MT_swatch")}
     assert [entry for entry in drawn("KARF_MT_swap") if " " in entry] == ["lid 1", "lid 2", "pot 2"]
     assert [entry for entry in drawn("KARF_MT_merge") if " " in entry] == ["pot 2"]
     assert "karf.paste_swatch" in drawn("KARF_MT_palette")

@@ -162,6 +162,27 @@ def test_views_turn_about_what_the_cameras_look_at(bpy, addon, shot):
     np.testing.assert_allclose(through.view_location, (1, 2, 3), atol=1e-5)
 
 
+@pytest.mark.parametrize(("perspective", "distances"), [("PERSP", (44.0, 43.0)), ("ORTHO", (40.0, 40.0))])
+def test_views_turn_about_the_active_object_once_it_is_segmented(bpy, addon, shot, perspective, distances):
+    shot.karf.rig.location = (1, 2, 3)
+    bpy.context.view_layer.update()
+    view = next(addon.windows.areas("VIEW_3D")).spaces.active.region_3d
+    view.view_perspective, view.view_rotation = perspective, (1, 0, 0, 0)  # looks along -z
+    view.view_location, view.view_distance = (5, 6, 7), 40.0
+    addon.steps.learn_scene(shot).wait()
+    for name in ("lid", "pot"):
+        addon.steps.add_object(shot, name)
+        addon.steps.mark_stroke(shot, [(5, 5)], 3)
+    shot.karf.marking.active = 0
+    assert tuple(view.view_location) == (5, 6, 7)  # nobody knows where the lid is
+    addon.steps.segment(shot).wait()
+    np.testing.assert_allclose(view.view_location, (5, 6, 3), atol=1e-5)  # the fake engine's lid is at the rig's origin
+    assert view.view_distance == pytest.approx(distances[0])  # the eye stays
+    shot.karf.marking.active = 1
+    np.testing.assert_allclose(view.view_location, (5, 6, 4), atol=1e-5)  # the pot is above
+    assert view.view_distance == pytest.approx(distances[1])
+
+
 def test_new_camera_has_the_view_and_the_lens_looked_through_and_is_free(bpy, addon, shot):
     seen = bpy.data.objects["photo_0"]
     camera = addon.cameras.add_free(shot, seen.matrix_world.inverted(), 50.0)

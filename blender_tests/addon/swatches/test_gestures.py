@@ -331,3 +331,12 @@ def test_no_tool_changes_a_locked_swatch(addon, artist):
         with pytest.raises(addon.engine_api.BadRequest, match="locked"):
             tool(artist)
     assert_same(state(artist), before)
+
+
+def test_the_field_of_a_locked_swatch_changes_nothing_and_says_why(bpy, addon, artist):
+    artist.set_swatch(*POT1, GREEN)
+    artist.lock(POT1)
+    before = state(artist)
+    artist.drag(POT1, BLUE, RED)
+    assert_same(state(artist), before)
+    assert "Swatch 1 of 'pot' is locked" in addon.progress.state().warnings

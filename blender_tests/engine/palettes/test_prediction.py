@@ -66,13 +66,13 @@ def test_prediction_gives_the_reason(color, source, locked, least, reason):
         np.testing.assert_array_equal(prediction.colors, PALETTE.colors)
 
 
-def test_locked_swatch_stays_and_is_named_as_the_cause():
+def test_locked_swatch_stays_and_is_named_as_the_cause_unless_the_color_has_none_of_it():
     prediction = predict(target_color(BLUE), PALETTE, POT, locked=(2,))
     assert np.array_equal(prediction.colors[2], PALETTE.colors[2]) and not prediction.reason
-    two = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.15], [0.8, 0.3, 0.2]], np.float32))
-    weights = np.array([[0.0, 0.7, 0.3]])
-    seen = ColorHistogram(weights @ two.colors, np.array([1]), weights)
-    free, held = (predict(target_color((0.05, 0.2, 0.6)), two, seen, locked) for locked in ((), (0, 1)))
+    four = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.15], [0.8, 0.3, 0.2], [0.2, 0.8, 0.2]], np.float32))
+    weights = np.array([[0.0, 0.7, 0.3, 0.0]])
+    seen = ColorHistogram(weights @ four.colors, np.array([1]), weights)
+    free, held = (predict(target_color((0.05, 0.2, 0.6)), four, seen, locked) for locked in ((), (0, 1, 3)))
     assert not free.reason and held.ciede2000 > 2
     assert held.reason == "locks hold it: without that of swatch 1 it would be reached"
 

@@ -4,8 +4,10 @@ import json
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS
 from karf_engine.capture.capture import capture_from_json
 from karf_engine.cli import main
 from karf_engine.compute.progress import Progress
@@ -20,7 +22,7 @@ from karf_engine.segmentation.report import SegmentationReport, Suggestions
 from karf_engine.segmentation.surface_points import surface_points
 from karf_engine.segmentation.views import cache_views, farthest_point_views, load_masked_views
 
-KEYS = "objects precision iou_with_marks views marked surface_points suggestions any_view_helps".split()
+KEYS = "objects precision iou_with_marks views marked surface_points suggestions any_view_helps centers".split()
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +72,12 @@ def test_report_round_trips_and_ranks_unmarked_views(project, tmp_path):
     del content["suggestions"], content["any_view_helps"]  # as in older reports
     (tmp_path / "older.json").write_text(json.dumps(content))
     assert SegmentationReport.read(tmp_path / "older.json").suggestions == Suggestions({}, any_view_helps=False)
+
+
+def test_report_says_where_the_objects_are(project):
+    report = SegmentationReport.read(project.segmentation_report)
+    assert report.centers.keys() == {"ball", "block"}
+    np.testing.assert_allclose(report.centers["ball"], BALL_CENTER, atol=BALL_RADIUS / 2)
 
 
 def test_suggestions_say_whether_any_view_helps(learned, tmp_path, capsys):
