@@ -7,12 +7,12 @@ import numpy as np
 
 from . import acts, controls, desk, hands
 from .desk import PHOTO_SIZE, check, until
-from .hands import BESIDE_PICTURE, SIDEBAR, VIEW, Wait
+from .hands import SIDEBAR, VIEW, Wait
 from .recoloring import recolored
 from .record import Chapter, Story
 
 CHAPTER = Chapter()
-AT_MOST = 10  # clicks and drags
+AT_MOST = 10  # clicks, drags and keys
 MUG = 50 / 256, 97 / 256, 118 / 256, 177 / 256  # in the first photo: left, top, right, bottom, in shares of it
 INK, PAPER = 40, 5  # by how much blue exceeds red in its bands, and red blue between them, bytes
 
@@ -30,15 +30,14 @@ def start_anew(story: Story) -> Wait:
     check(not desk.scene().karf.views, "a new file has views")
 
 
-@CHAPTER.step("mouse: Import Capture, Mark in Photo, a box, Learn All, a swatch, step 5, This View; path by script")
+@CHAPTER.step("mouse: Import Capture, a box, Learn All, a swatch, step 5, This View; keys: Return; path by script")
 def first_picture(story: Story) -> Wait:
-    """Ten clicks and drags recolor the bands of a mug, and leave the rest of the photo as it is."""
+    """Ten clicks, drags and keys recolor the bands of a mug, and leave the rest of the photo as it is."""
     hands.gestures.clear()
     yield from controls.press_button(SIDEBAR, r"karf\.import_capture")
     yield from acts.choose_file(story.desk / "pots")
     yield from until(lambda: desk.scene().karf.marking.photo is not None, "the photo to mark")
-    yield from controls.press_button(BESIDE_PICTURE, r"karf\.mark\(")
-    yield from acts.fit_picture()
+    yield 1.0  # its tool and size
     left, top, right, bottom = MUG
     yield from hands.drag([hands.in_picture(left, 1 - top), hands.in_picture(right, 1 - bottom)], 0.5)
     yield from until(lambda: desk.mask_file().is_file(), "the mask", 60)
@@ -50,10 +49,10 @@ def first_picture(story: Story) -> Wait:
     yield from controls.drag_swatch((45, 25))
     yield from story.shoot()
     yield from controls.open_step(SIDEBAR, "render")
-    yield from acts.press_job(r"karf\.render_view")
+    yield from acts.dialog_job(story, r"karf\.render_view")
     picture = desk.pixels_of(recolored(f"{desk.scene().karf.active_view}.png"))
     check(len(hands.gestures) <= AT_MOST, f"it took {len(hands.gestures)} gestures: {hands.gestures}")
-    story.note(f"{len(hands.gestures)} clicks and drags: {', '.join(hands.gestures)}")
+    story.note(f"{len(hands.gestures)} gestures: {', '.join(hands.gestures)}")
     changed, bands, others = desk.difference(photo, picture).max(-1), *_bands(photo)
     story.note(
         f"bands changed by {np.median(changed[bands]):.0f} of 255, others by {np.percentile(changed[others], 95)}"
