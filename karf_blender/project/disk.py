@@ -48,6 +48,7 @@ class Contents:
         "",
         0.0,
     )  # quality of the splats, how sharp held-out views are, blur in pixels
+    erased: int = 0  # splats that are left out
 
 
 @dataclass(frozen=True)
@@ -136,6 +137,7 @@ def read(scene: bpy.types.Scene) -> Contents:
             any_view_helps=report.get("any_view_helps") is True,
             unsure=_unsure(_table(report, "unsure")),
             reached=_reached(stages.get("splats", {})),
+            erased=stages.get("splats", {}).get("erased", 0),
         )
     except (OSError, KarfError):  # unreadable, or gone while it was read
         return Contents()

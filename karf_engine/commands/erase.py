@@ -16,6 +16,7 @@ from ..splats.gaussians import Gaussians
 from .options import EraseOptions
 
 SMALLEST = 1e-30  # determinant of a box
+ROUNDED = 1e-5  # of its last row, from single precision
 
 
 def run(options: EraseOptions, emit: Emit, should_stop: Callable[[], bool]) -> int:
@@ -24,9 +25,9 @@ def run(options: EraseOptions, emit: Emit, should_stop: Callable[[], bool]) -> i
     Raises BadRequest without splats, for a box that is none or that holds none, and where nothing would be left.
     """
     project = Project(options.project)
+    project.require("splats")
     boxes = [_checked(np.reshape(box, (4, 4))) for box in options.boxes]
     with write_lock(project):
-        project.require("splats")
         path = project.verified(project.splats_file)
         gaussians, before = load_all_gaussians(path)
         erased = np.zeros_like(before) if options.restore else before | _inside(gaussians, before, boxes)
@@ -41,11 +42,12 @@ def run(options: EraseOptions, emit: Emit, should_stop: Callable[[], bool]) -> i
 
 def _checked(box: np.ndarray) -> np.ndarray:
     """Return a box. Raises BadRequest if it has no volume, or is not finite or affine."""
-    is_affine = np.isfinite(box).all() and np.array_equal(box[3], (0, 0, 0, 1))
+    is_affine = np.isfinite(box).all() and np.allclose(box[3], (0, 0, 0, 1), rtol=0, atol=ROUNDED)
     if not is_affine or abs(np.linalg.det(box[:3, :3])) < SMALLEST:
         raise BadRequest(
-            f"The matrix {box.tolist()} makes no box.",
-            "Give a finite, invertible one, row by row, whose last row is 0,0,0,1.",
+            "The matrix {matrix} makes no box.",
+            "Give a box with a volume: a finite, invertible matrix whose last row is 0,0,0,1.",
+            matrix=box.tolist(),
         )
     return box
 

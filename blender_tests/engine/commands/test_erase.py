@@ -1,5 +1,6 @@
 """Floaters are erased by boxes: what is inside disappears from pictures and exports, stays in the file and comes back."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ pytest.importorskip("numba")
 import karf_engine as karf
 from blender_tests.engine.commands.conftest import run
 from blender_tests.engine.reference.still_life import camera_at
-from karf_engine.errors import BadRequest
+from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.splats import details
 from karf_engine.splats.files import load_all_gaussians, load_gaussians, save_gaussians
 from karf_engine.splats.formats.registry import read_splats
@@ -142,13 +143,20 @@ def test_project_without_splats_names_the_missing_stage(copy):
     copy.finish("geometry", "again")
     with pytest.raises(BadRequest, match="no finished splats stage"):
         karf.erase_splats(copy.folder, restore=True)
+    with pytest.raises(DataError, match="is not a KaRF project"):
+        karf.erase_splats(copy.folder / "nothing", restore=True)
+    assert not (copy.folder / "nothing").exists()
 
 
-def test_details_are_learned_without_the_floater_and_the_draft_keeps_it(floating, monkeypatch):
+def test_details_are_learned_without_the_floater_and_the_draft_keeps_it(floating, events, monkeypatch):
     project, clean = floating
     monkeypatch.setitem(details.QUALITIES, "good", details.Quality(64, 300, 40_000))
+    asked = itertools.count()
+    with pytest.raises(Cancelled):
+        karf.learn_splats(project.folder, quality="good", threads=1, should_stop=lambda: next(asked) > 7)
     karf.erase_splats(project.folder, [box(BLOB, 0.2)])
-    karf.learn_splats(project.folder, quality="good", threads=1)
+    karf.learn_splats(project.folder, quality="good", threads=1, emit=events)
+    assert not events.values("warning", "code"), "what was interrupted is of another draft"
     good, erased = load_all_gaussians(project.splats_file)
     assert len(good) == len(clean) + 300 and not erased.any() and "erased" not in project.finished("splats")
     karf.erase_splats(project.folder, [box((0, 0, 0), 0.3)])
