@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .api import (
         colorways,
         convert_panoramas,
+        erase_splats,
         export_page,
         export_splat,
         extract_palettes,
@@ -53,7 +54,8 @@ if TYPE_CHECKING:
 _DEFINES = {
     "api": (
         "find_poses", "import_splat", "convert_panoramas", "inspect_capture", "mark",
-        "learn", "learn_geometry", "segment", "extract_palettes", "learn_recoloring", "learn_splats", "load",
+        "learn", "learn_geometry", "segment", "extract_palettes", "learn_recoloring", "learn_splats",
+        "erase_splats", "load",
         "render", "colorways", "write_points", "export_splat", "export_page", "render_bundle", "learning_bundle",
     ),
     "capture": ("open_capture",),

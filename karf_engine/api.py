@@ -31,7 +31,7 @@ import json
 import math
 import sys
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import MISSING, asdict
 from functools import wraps
@@ -215,6 +215,18 @@ def learn_splats(project: PathLike, **options: Any) -> None:
 
     Example:
         learn_splats("garden_karf", overrides={"splats.iterations": 2000}, quality="good")
+    """
+
+
+@_command("erase", listens=False)
+def erase_splats(project: PathLike, boxes: Sequence[Sequence[float]] = (), **options: Any) -> int:
+    """Leave out splats whose centers are in boxes, or bring them back. Returns how many are left out now.
+
+    Every later rendering and export is without them. Learning splats anew forgets what was left out; details are learned
+    from the draft without it.
+
+    Example:
+        erase_splats("garden_karf", boxes=[(0.2, 0, 0, 1.5, 0, 0.2, 0, 0, 0, 0, 0.2, 2.0, 0, 0, 0, 1)])
     """
 
 

@@ -160,6 +160,14 @@ def learn_splats(
     emit: Emit | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> None: ...
+def erase_splats(
+    project: PathLike,
+    boxes: Sequence[Sequence[float]] = (),
+    *,
+    restore: bool = False,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+) -> int: ...
 def load(
     project: PathLike,
     device: torch.device | str | None = None,

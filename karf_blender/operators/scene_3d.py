@@ -5,6 +5,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import progress, steps
 from ..host.words import translate_report
+from ..steps import floaters
 from ..surface import scene_object, splat_objects
 from .base import IDLE, PALETTES, PROJECT, SPLATS, SaveFileOperator, StepOperator, Undoable, file_filter, is_met, need
 
@@ -23,6 +24,7 @@ AXES_ITEMS = [
 FOLLOWING_SPLATS = need(
     "Choose Gaussian splats imported by Blender or 3DGS Render", lambda context: splat_objects.find(context.scene)
 )
+DELETE_BOXES = need("Select a delete box first", lambda context: _delete_boxes(context))
 
 
 class KARF_OT_show_scene(StepOperator, bpy.types.Operator):
@@ -90,6 +92,38 @@ class KARF_OT_export_splat(SaveFileOperator, bpy.types.Operator):
         return steps.export_splat(context.scene, self.path, self.axes, objects, self.solid, self.attributes)
 
 
+class KARF_OT_add_delete_box(Undoable, bpy.types.Operator):
+    """Add a box to move over stray splats, at the point that this 3D View turns about, or at the 3D cursor"""
+
+    bl_idname = "karf.add_delete_box"
+    bl_label = "Add Delete Box"
+    needs = (PROJECT, SPLATS)
+
+    def step(self, context):
+        view = getattr(context, "region_data", None)
+        steps.add_delete_box(context.scene, view and view.view_location)
+
+
+class KARF_OT_delete_inside(StepOperator, bpy.types.Operator):
+    """Delete the splats in the selected delete boxes from all pictures and exports, and the boxes"""
+
+    bl_idname = "karf.delete_inside"
+    bl_label = "Delete Inside"
+    needs = (IDLE, PROJECT, SPLATS, DELETE_BOXES)
+
+    def step(self, context):
+        return steps.delete_inside(context.scene, _delete_boxes(context))
+
+
+class KARF_OT_restore_splats(StepOperator, bpy.types.Operator):
+    """Bring back all splats that were deleted since they were learned"""
+
+    bl_idname = "karf.restore_splats"
+    bl_label = "Restore All"
+    needs = (IDLE, PROJECT, SPLATS)
+    scene_step = steps.restore_splats
+
+
 class KARF_OT_follow_splat(Undoable, bpy.types.Operator):
     bl_description = (
         "Color the active object with the swatches, now and whenever they change. It must be Gaussian "
@@ -110,6 +144,10 @@ class KARF_OT_follow_splat(Undoable, bpy.types.Operator):
             steps.unfollow_splat(context.scene)
         else:
             steps.follow_splat(context.scene, item)
+
+
+def _delete_boxes(context) -> list[bpy.types.Object]:
+    return [item for item in context.selected_objects if floaters.is_delete_box(item)]
 
 
 def _newly_chosen(context) -> bpy.types.Object | None:

@@ -1,4 +1,4 @@
-"""The quality of splats: what to learn, and what was reached."""
+"""The quality of splats: what to learn, what was reached, and floaters to delete."""
 
 from ..host.words import draw_text, translatable, translate
 from ..project import disk
@@ -18,6 +18,11 @@ def draw_splats(layout, scene):
     layout.operator("karf.learn_splats", icon="SHADERFX")
     if "splats" not in known.stages:
         return
+    row = layout.row(align=True)
+    row.operator("karf.add_delete_box", icon="CUBE")
+    row.operator("karf.delete_inside", icon="TRASH")
+    if known.erased:
+        layout.operator("karf.restore_splats", icon="LOOP_BACK")
     quality, word, blur = known.reached
     if word in REACHED:
         shown = {"quality": translate(quality.capitalize()), "blur": f"{blur:.1f}"}

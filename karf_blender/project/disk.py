@@ -49,6 +49,7 @@ class Contents:
         "",
         0.0,
     )  # quality of the splats, how sharp held-out views are, blur in pixels
+    erased: int = 0  # splats that are left out
 
 
 @dataclass(frozen=True)
@@ -138,6 +139,7 @@ def read(scene: bpy.types.Scene) -> Contents:
             unsure=_unsure(_table(report, "unsure")),
             centers=_centers(_table(report, "centers")),
             reached=_reached(stages.get("splats", {})),
+            erased=stages.get("splats", {}).get("erased", 0),
         )
     except (OSError, KarfError):  # unreadable, or gone while it was read
         return Contents()

@@ -57,14 +57,13 @@ class Viewport:
             gpu.state.blend_set("NONE")
 
     def _ask(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        if runner.is_running():
-            self._wanted, self._shown = "", None  # the task changes the picture, and needs all cores
+        if runner.is_running():  # it changes the picture, and needs all cores
             self.message = translate("A KaRF job is running: the view waits for it")
             return
         scene = depsgraph.scene
         camera = _pinhole(context, depsgraph)
         options = camera_pixels.options_of(scene, camera)
-        wanted, now = json.dumps(options), time.monotonic()
+        wanted, now = json.dumps([options, runner.n_begun()]), time.monotonic()
         if wanted != self._wanted:
             self._wanted, self._wanted_since = wanted, now
         if self._is_awaited(wanted):

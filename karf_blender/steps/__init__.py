@@ -29,6 +29,7 @@ from .engine import (
     remove_engine,
     repair_engine,
 )
+from .floaters import add_delete_box, delete_inside, restore_splats
 from .learn import extract_palette, learn_all, learn_scene, learn_splats, segment
 from .looks import (
     colorways,

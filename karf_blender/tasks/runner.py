@@ -91,6 +91,7 @@ class Runner:
 
     def __init__(self) -> None:
         self.task: Task | None = None
+        self.n_begun = 0  # tasks of this session
         self.worker = Worker(KEEP_SECONDS)
         self.is_stopping = False
         self.overall: OverallProgress | None = None  # of a task of several jobs
@@ -103,7 +104,7 @@ class Runner:
         self.is_stopping, self._n_done = False, 0
         self.overall = OverallProgress(task.seconds, time.monotonic()) if len(task.seconds) > 1 else None
         self._begin_job(task)
-        self.task = task
+        self.task, self.n_begun = task, self.n_begun + 1
         progress.begin(task.label)
 
     def _begin_job(self, task: Task) -> None:
@@ -168,6 +169,11 @@ class Runner:
 
 def is_running() -> bool:
     return session.get(Runner).task is not None
+
+
+def n_begun() -> int:
+    """Return how many tasks this session has begun: what shows their results compares it."""
+    return session.get(Runner).n_begun
 
 
 def current_request(scene: bpy.types.Scene) -> Request | None:

@@ -205,11 +205,13 @@ def _add_argument(verb: argparse.ArgumentParser, item: dataclasses.Field, kind: 
 
 
 def _tuple_facts(parts: tuple[Any, ...]) -> dict[str, Any]:
-    """Return the arguments of `add_argument` for a tuple: comma-separated numbers, or a repeatable option."""
+    """Return the arguments of `add_argument` for a tuple: comma-separated numbers, a repeatable option, or both."""
     if parts[-1] is not Ellipsis:
         return {"type": _numbers(len(parts))}
-    pairs = len(typing.get_args(parts[0]))
-    return {"action": "append"} | ({"nargs": pairs} if pairs else {})
+    items = typing.get_args(parts[0])
+    if float in items:
+        return {"action": "append", "type": _numbers(len(items))}
+    return {"action": "append"} | ({"nargs": len(items)} if items else {})
 
 
 def _help(item: dataclasses.Field) -> str:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 JUDGED = 8  # views that measure what was reached
 JUDGING_ONE = 12  # of so many photos, where none are held out
 JUDGED_SIDE = 1600  # their long side, pixels
-KEPT = "gaussians", "held_out", "reached"  # of a draft's summary, with its fingerprint
+KEPT = "gaussians", "held_out", "reached", "erased"  # of a draft's summary, with its fingerprint
 
 
 def draft_file(job: Job) -> Path | None:
@@ -51,23 +51,17 @@ def restore_draft(job: Job, draft: Path) -> None:
             del run.summary["fingerprint"]
 
 
-def is_learned(job: Job, quality: str) -> bool:
-    """Return whether the project's splats are of this quality, of the objects as they are now."""
-    done = job.project.finished("splats")
-    return done is not None and done["fingerprint"] == stage_fingerprint(job, "splats", *_inputs(job, quality))
-
-
 def learn_details(job: Job, quality: str) -> None:
-    """Learn the objects in detail, from the finished draft."""
+    """Learn the objects in detail, from the finished draft without what was erased of it."""
     from ..splats.details import QUALITIES, DetailFit, iterations_of, load_crops, refined
     from ..splats.visibility import visibility_in_photos
 
     project, seed, wanted = job.project, job.settings.seed, QUALITIES[quality]
-    with run_stage(job, "splats", *_inputs(job, quality)) as run:
+    path, done = draft_file(job), project.require("splats")
+    assert path is not None
+    with run_stage(job, "splats", *_inputs(job, quality, path)) as run:
         if run is None:
             return
-        path, done = draft_file(job), project.require("splats")
-        assert path is not None
         draft = load_gaussians(project.verified(path))
         is_inside, objects = _objects(job, draft)
         views, judged = _split(job)
@@ -137,8 +131,11 @@ def reached(
     return {"reached": [word_for(blur), blur]}
 
 
-def _inputs(job: Job, quality: str) -> tuple[str, str]:
-    return quality, job.project.require("segmentation")["fingerprint"]
+def _inputs(job: Job, quality: str, draft: Path) -> list[str]:
+    """Return what the details depend on; the draft's fingerprint does not tell what was erased of it."""
+    done = job.project.require("splats")
+    erased = [done["files"][draft.name]] if done.get("draft", done).get("erased") else []
+    return [quality, job.project.require("segmentation")["fingerprint"], *erased]
 
 
 @torch.no_grad()

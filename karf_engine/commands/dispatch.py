@@ -16,7 +16,7 @@ from .options import LearnOptions
 def run_command(options: Options, emit: Emit, should_stop: Callable[[], bool], **in_memory: Any) -> Any:
     """Run the command of these options in this process; `all` runs every stage that learns, in order.
 
-    Returns the advice of `inspect`, the path that `mark` or `farm` wrote, else None.
+    Returns the advice of `inspect`, the path that `mark` or `farm` wrote, how many `erase` has left out, else None.
 
     Args:
         options: Their class selects the command.

@@ -16,7 +16,7 @@ from ..compute.progress import Emit
 from ..errors import BadRequest, DataError, Message
 from ..export.page import Heading, Look, Shown, check_bundle, is_page, make_single, write_page
 from ..export.page.orbit import orbit_of
-from ..export.page.selection import Visible, measure_visible, most_visible, psnr_of, rows_to_show, subset
+from ..export.page.selection import Visible, measure_visible, most_visible, psnr_of, rows_to_show
 from ..io.files import check_file, errors_naming_path, new_folder, refusing_unreadable
 from ..io.images import read_photo
 from ..palettes.colorways import check_locked, plan_colorways
@@ -24,6 +24,7 @@ from ..palettes.palette import Edit
 from ..palettes.palette_files import read_edit_file
 from ..project import Project
 from ..recolor.model import Model
+from ..splats.gaussians import subset
 from .colorways import locked_swatches
 from .export_splat import MIN_PROBABILITY, load_splats
 from .job import Job, open_job

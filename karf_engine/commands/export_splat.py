@@ -20,6 +20,7 @@ from ..palettes.palette_files import read_edit_file
 from ..project import Project
 from ..recolor.model import Model
 from ..recolor.splatted_scene import WEIGHT, columns_of
+from ..splats.files import load_all_gaussians
 from ..splats.formats import ply
 from ..splats.formats.registry import end_of, is_plain_ply, write_splats
 from ..splats.formats.splat_file import SplatFile
@@ -67,6 +68,7 @@ class _Exporter:
         self._splatted, self._splats = model.splatted, model.splatted.gaussians
         self._matrix = np.eye(4) if options.matrix is None else np.array(options.matrix, np.float64).reshape(4, 4)
         self._source = job.capture().splats
+        self._kept = ~load_all_gaussians(job.project.splats_file)[1]  # rows of the original
         self._rows = self._chosen_rows()
         self._original = self._original_file()
         self._attributes = self._attribute_columns()
@@ -86,7 +88,7 @@ class _Exporter:
     def write(self, path: Path, edit: Edit | None) -> None:
         """Write one file."""
         gaussians = self._splats if edit is None else self._model.recolored_splats(edit)
-        is_whole = self._rows.all() and np.array_equal(self._matrix, np.eye(4))
+        is_whole = self._kept.all() and self._rows.all() and np.array_equal(self._matrix, np.eye(4))
         if is_whole and self._original is not None and not self._original.is_text:
             ply.rewrite(self._original, path, gaussians.table, self._attributes)
             return
@@ -98,7 +100,8 @@ class _Exporter:
 
     @property
     def _foreign_columns(self) -> Mapping[str, np.ndarray]:
-        return self._original.splats.columns if self._original else {}
+        columns = self._original.splats.columns if self._original else {}
+        return {name: column[self._kept] for name, column in columns.items()}
 
     def _original_file(self) -> ply.Original | None:
         """Return the imported .ply file where its other contents can be kept."""
@@ -114,7 +117,8 @@ class _Exporter:
         if not is_plain_ply(path):
             return None
         original = ply.open_original(path)
-        if not np.array_equal(original.splats.table, self._splats.table):
+        table = original.splats.table
+        if len(table) != len(self._kept) or not np.array_equal(table[self._kept], self._splats.table):
             raise DataError(
                 "{path} has been changed since the splats were learned from it.",
                 "Learn the splats again, or put the file back.",

@@ -241,6 +241,27 @@ class SplatsOptions(ProjectOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class EraseOptions(ProjectOptions):
+    """Leave out splats whose centers are in a box, as floaters, or bring them back."""
+
+    command: ClassVar[str] = "erase"
+
+    boxes: tuple[Matrix4, ...] = option(
+        "16 numbers, row by row: from the cube -1 to 1 to the capture's world; may be repeated",
+        (),
+        flag="box",
+        metavar="M00,M01,...",
+    )
+    restore: bool = option("bring back all that was erased", False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if bool(self.boxes) == self.restore:
+            given = "both boxes and restore" if self.restore else "no box"
+            raise BadRequest(f"The erase command was given {given}.", "Give boxes, or restore.")
+
+
+@dataclass(frozen=True, kw_only=True)
 class LearnOptions(GeometryOptions):
     """Learn everything: geometry, segmentation, palette, recoloring, splats."""
 
@@ -488,6 +509,7 @@ COMMANDS: dict[str, type[Options]] = {
         PaletteOptions,
         RecoloringOptions,
         SplatsOptions,
+        EraseOptions,
         MatchOptions,
         RenderOptions,
         ColorwaysOptions,

@@ -20,7 +20,7 @@ from ..splats.formats.registry import read_captured_gaussians
 from ..splats.gaussians import Gaussians
 from ..splats.rasterizer import backend
 from ..splats.start import initial_gaussians, pseudo_cameras, render_pseudo_photos, surface_views
-from .details import draft_file, is_learned, learn_details, reached, restore_draft
+from .details import draft_file, learn_details, reached, restore_draft
 from .job import Job, open_job, run_stage
 from .options import SplatsOptions
 
@@ -69,7 +69,7 @@ def _learn_objects(job: Job, quality: str) -> None:
             f"The quality {quality!r} learns marked objects in detail, and {job.project.folder} has none.",
             "Run the segmentation stage first, or choose the quality draft.",
         )
-    if not is_learned(job, quality) and draft_file(job) is None:
+    if draft_file(job) is None:
         _learn(job)
     learn_details(job, quality)
 

@@ -230,15 +230,17 @@ class Project:
 
         Replacing project.json is the only change: after a kill at any moment, the stage is finished or as before.
         """
-        files = {path.name: checksum(path) for path in sorted(result.iterdir()) if path.is_file()}
-        own = {
-            "fingerprint": fingerprint,
-            "folder": result.name,
-            "files": files,
-            "settings": settings[stage],
-            **summary,
-        }
+        own = {"fingerprint": fingerprint, **_outputs(result), "settings": settings[stage], **summary}
         self._finish(stage, own, settings=settings)
+
+    def amend(self, stage: str, result: Path, **summary: Any) -> None:
+        """Replace the outputs of a finished stage, as `commit`, and these entries of its summary.
+
+        It keeps its fingerprint, and later stages stay finished.
+        """
+        state = self.state()
+        own = state["stages"][stage] | _outputs(result) | summary
+        write_state(self.state_file, state | {"stages": state["stages"] | {stage: own}})
 
     def set_settings(self, settings: dict[str, Any]) -> None:
         """Store the settings of stages that are yet to run; finished stages have their own copies."""
@@ -308,6 +310,12 @@ class Project:
             for path in folder.glob("*/"):
                 if not is_link(path):
                     remove_temporaries(path)
+
+
+def _outputs(result: Path) -> dict[str, Any]:
+    """Return the entries of a stage's summary that name its outputs."""
+    files = {path.name: checksum(path) for path in sorted(result.iterdir()) if path.is_file()}
+    return {"folder": result.name, "files": files}
 
 
 def _checksums(folder: Path) -> dict[str, str]:

@@ -8,27 +8,39 @@ import numpy as np
 import torch
 
 from ..io.checkpoints import damage_as_data_error, load_tensors, save_tensors
-from .gaussians import DEGREES, Gaussians
+from .gaussians import DEGREES, Gaussians, subset
 from .kernels.arrays import COLOR, PIXEL_FILTER, ScreenFilter
 
 SCHEMA = "karf-splats/1"
 FILTERED_SCHEMA = "karf-splats/2"  # with another screen filter than PIXEL_FILTER, which readers of version 1 assume
+ERASED_SCHEMA = "karf-splats/3"  # with erased Gaussians, which readers of earlier versions would show
 LOOK_COLUMNS = 5
 
 
-def save_gaussians(gaussians: Gaussians, path: Path) -> None:
-    """Write Gaussians."""
+def save_gaussians(gaussians: Gaussians, path: Path, erased: np.ndarray | None = None) -> None:
+    """Write Gaussians, with which of them are erased ([n] bool)."""
     facts = {"n_behind": gaussians.n_background, "background": list(gaussians.background), "near": gaussians.near}
     schema = SCHEMA
     if gaussians.screen_filter != PIXEL_FILTER:
         schema, facts["screen_filter"] = FILTERED_SCHEMA, list(map(float, gaussians.screen_filter))
     arrays = {"table": gaussians.table} | ({} if gaussians.visibility is None else {"looks": gaussians.visibility})
+    if erased is not None and erased.any():
+        schema, arrays["erased"] = ERASED_SCHEMA, erased
     save_tensors(path, {name: torch.from_numpy(each) for name, each in arrays.items()}, schema, facts)
 
 
 def load_gaussians(path: Path) -> Gaussians:
-    """Read Gaussians written by `save_gaussians`. Raises DataError if the file is missing or damaged."""
-    tensors, facts = load_tensors(path, (SCHEMA, FILTERED_SCHEMA))
+    """Read Gaussians written by `save_gaussians`, without erased ones. Raises DataError as `load_all_gaussians`."""
+    gaussians, erased = load_all_gaussians(path)
+    return subset(gaussians, np.flatnonzero(~erased)) if erased.any() else gaussians
+
+
+def load_all_gaussians(path: Path) -> tuple[Gaussians, np.ndarray]:
+    """Read all Gaussians of a file, and which of them are erased, [n] bool.
+
+    Raises DataError if the file is missing or damaged.
+    """
+    tensors, facts = load_tensors(path, (SCHEMA, FILTERED_SCHEMA, ERASED_SCHEMA))
     with damage_as_data_error(path):
         table, n_behind, near = tensors["table"].numpy(), facts["n_behind"], float(facts["near"])
         n_harmonics = (table.shape[1] - COLOR) / 3
@@ -45,5 +57,9 @@ def load_gaussians(path: Path) -> Gaussians:
         looks = tensors["looks"].numpy() if "looks" in tensors else None
         if looks is not None and (looks.dtype != np.float32 or looks.shape != (len(table), LOOK_COLUMNS)):
             raise ValueError(f"looks {looks.shape} of {looks.dtype} at a table {table.shape}")
+        erased = tensors["erased"].numpy() if "erased" in tensors else np.zeros(len(table), bool)
+        if erased.dtype != bool or erased.shape != (len(table),):
+            raise ValueError(f"erased {erased.shape} of {erased.dtype} at a table {table.shape}")
     screen_filter = ScreenFilter(blur, least_share)
-    return Gaussians(np.ascontiguousarray(table), n_behind, (red, green, blue), near, screen_filter, looks)
+    table = np.ascontiguousarray(table)
+    return Gaussians(table, n_behind, (red, green, blue), near, screen_filter, looks), erased

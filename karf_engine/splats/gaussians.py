@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,13 @@ class Gaussians:
     def n_foreground(self) -> int:
         """Number of rows without the background, at the table's start."""
         return len(self.table) - self.n_background
+
+
+def subset(gaussians: Gaussians, rows: np.ndarray) -> Gaussians:
+    """Return some rows of Gaussians, in ascending order."""
+    visibility = None if gaussians.visibility is None else gaussians.visibility[rows]
+    n_background = int((rows >= gaussians.n_foreground).sum())
+    return replace(gaussians, table=gaussians.table[rows], n_background=n_background, visibility=visibility)
 
 
 def near_plane(centers: np.ndarray, eyes: np.ndarray) -> float:

@@ -231,6 +231,13 @@ def splats(project, options):
     project.finish("splats", "fake", gaussians=3, quality=options.get("quality", "draft"))
 
 
+def erase(project, options):
+    """A splat for each box."""
+    boxes = options.get("boxes", [])
+    write_json(project.path("boxes.json"), boxes)
+    project.finish("splats", "fake", gaussians=3, erased=len(boxes))
+
+
 def geometry(project, options):
     project.create(options["capture"])
     write_json(project.capture_file, capture_to_json(open_capture(options["capture"])))
@@ -354,7 +361,7 @@ def write_png(path, picture):
 
 
 STAGES = {"poses": poses, "geometry": geometry, "segmentation": segmentation, "palette": palette, "splats": splats}
-STAGES |= {"recoloring": recoloring, "render": render, "points": points, "colorways": colorways}
+STAGES |= {"erase": erase, "recoloring": recoloring, "render": render, "points": points, "colorways": colorways}
 STAGES |= {"import-splat": import_splat, "export-splat": export_splat, "export-page": export_page}
 QUERIES = {
     each.__name__: each for each in (echo, preview, propose, photo, correct, masks, show, harmonics, inspect, chart)

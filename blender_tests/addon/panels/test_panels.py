@@ -112,6 +112,7 @@ EMPTY = {"karf.import_capture": 1, "color": 0, "karf.cancel": 0, "preferences.ad
 SWATCHES = {"color": 4, "karf.reset_swatch": 6, "KARF_MT_swatch": 4, "KARF_MT_palette": 2, "karf.solo_swatch": 6}
 FOLDED = ("karf.becomes", "karf.match_picture", "karf.follow_splat", "karf.see_view", "gloss", "tint", "Prepare")
 LEARN_SPLATS = {"splat_quality": 1, "karf.learn_splats": 1}
+DELETE = {"karf.add_delete_box": 1, "karf.delete_inside": 1}
 ANY, NEXT = "All views would help about equally", "Mark next: photo_2"
 FAIL, WROTE = setting("progress", **FAILED), lambda desk: desk.addon.progress.wrote(desk.folder)
 # state: its fixture, the action that leads there, how often each control or text is drawn
@@ -149,7 +150,9 @@ STATES = {
     "suggested": ("learned", Desk.segmented, {NEXT: 1, ANY: 0, "pot: 25 % unsure, not visible in": 1}),
     "any suggested": ("learned", lambda desk: desk.segmented(any_view_helps=True), {NEXT: 1, ANY: 1}),
     "splats": ("learned", lambda desk: make(desk.bpy, "kiri", 1), {"karf.follow_splat": 1}),
-    "no splats": ("learned", lambda desk: None, LEARN_SPLATS),
+    "no splats": ("learned", lambda desk: None, LEARN_SPLATS | {"karf.add_delete_box": 0, "karf.delete_inside": 0}),
+    "none deleted": ("learned", Desk.splats, DELETE | {"karf.restore_splats": 0}),
+    "some deleted": ("learned", lambda desk: desk.splats(erased=7), DELETE | {"karf.restore_splats": 1}),
     "sharp": (
         "learned",
         lambda desk: desk.splats(quality="good", reached=["sharp", 0.84]),

@@ -62,6 +62,17 @@ def test_picture_follows_swatches_and_view_and_grows_if_fast(bpy, addon, view):
     assert len(view.long_sides) == 3 and view.long_sides[:2] == [first, 2 * first]
 
 
+def test_finished_task_is_shown_also_where_nothing_was_drawn_meanwhile(addon, view):
+    view.draw()
+    view.draw(1.0)
+    view.draw(1.0)
+    assert len(view.long_sides) == 2
+    addon.steps.learn_splats(view.scene).wait()
+    view.draw(0.01)
+    view.draw(1.0)
+    assert len(view.long_sides) == 4 and view.long_sides[-1] == WIDTH
+
+
 def test_orthographic_view_shows_only_a_message(bpy, addon, view, monkeypatch):
     redrawn = []
     shown = view.draw()

@@ -184,6 +184,20 @@ def test_cut_out_keeps_columns_and_clears_earlier_weights(changeable, tmp_path):
     assert columns["karf_object"].any() and (columns["flags"] == columns["confidence"] % 7).all()
 
 
+def test_erased_rows_are_left_out_with_their_columns_and_come_back(changeable, own, tmp_path):
+    project, source = changeable
+    kept = ~((own.table[:, :3] > (0, -9, -9)) & (own.table[:, :3] < (18, 9, 9))).all(1)
+    karf.erase_splats(project, boxes=[(9, 0, 0, 9, 0, 9, 0, 0, 0, 0, 9, 0, 0, 0, 0, 1)])
+    for options in ({}, {"attributes": True}):
+        karf.export_splat(project, tmp_path / "half.ply", **options)
+        found = read_splats(tmp_path / "half.ply")
+        assert_array_equal(found.table, own.table[kept])
+        assert_array_equal(found.columns["confidence"], np.flatnonzero(kept))
+    karf.erase_splats(project, restore=True)
+    karf.export_splat(project, tmp_path / "back.ply")
+    assert (tmp_path / "back.ply").read_bytes() == source.read_bytes()
+
+
 def test_unusable_rows_and_filters_come_back_byte_by_byte(changeable, own, tmp_path):
     project, source = changeable
     table = own.table.copy()

@@ -146,6 +146,14 @@ def test_good_splats_learn_a_draft_first_where_there_is_none_and_need_objects(ba
         learn(bare, quality="good")
 
 
+def test_damaged_details_are_learned_again_to_the_bit(copy, brief):
+    learn(copy, quality="good")
+    before = copy.splats_file.read_bytes()
+    copy.splats_file.write_bytes(before[:-4] + b"\0\0\1\0")
+    learn(copy, quality="good")
+    assert copy.splats_file.read_bytes() == before and copy.is_intact("splats")
+
+
 def test_interrupted_details_resume_to_the_bit(copy, brief):
     asked = itertools.count()
     with pytest.raises(Cancelled):

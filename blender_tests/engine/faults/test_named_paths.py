@@ -36,6 +36,7 @@ COMMANDS = {
     "edit": "palette {project} --out {out}/edit.json",
     "recoloring": "recoloring {project}",
     "splats": "splats {project}",
+    "erase": "erase {project} --box 9,0,0,9,0,9,0,0,0,0,9,0,0,0,0,1",
     "match": "match {project} --object ball --from #b5302c --to #3059b8 --out {out}/edit.json",
     "render": "render {project} --views test --planes --depth --layers --out {out}/frames --edit {inputs}/edit.json",
     "frames as EXR": "render {project} --views {inputs}/cameras.json --format exr16 --out {out}/frames --edit {inputs}/edit.json",

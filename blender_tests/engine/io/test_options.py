@@ -31,6 +31,7 @@ REQUIRED = {  # each command's library function and its required options
     "palette": ("extract_palettes", PROJECT),
     "recoloring": ("learn_recoloring", PROJECT),
     "splats": ("learn_splats", PROJECT),
+    "erase": ("erase_splats", PROJECT | {"restore": True}),
     "match": (None, PROJECT | OUT | {"object": "pot", "source": "#ff0000", "target": "#00ff00"}),
     "render": ("render", PROJECT),
     "colorways": ("colorways", PROJECT | OUT | {"sheet": "sheet.csv"}),

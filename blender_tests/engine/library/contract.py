@@ -183,6 +183,7 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
             "#2060a0", None, 3, {}, object(), (0.1, 0.2), np.zeros((3, 3)), (NAN, 0.0, 0.0), "", (), "blue",
             (9.0, 0.0, 0.0),
         ),
+        "boxes": Kind([np.eye(4).ravel().tolist()], None, 3, "ab", [3], [(1.0,)], [[NAN] * 16], [[0.0] * 16]),
         "also": Kind((), None, 3, "ab", [("#ffffff",)], ["#ffffff"], [(1, 2)], [("#ffffff", (NAN, 0, 0))]),
         "colors": Kind(edit.colors, None, 3, *bad_colors, *odd_colors),
         "added": Kind({}, None, *added),

@@ -15,7 +15,7 @@ from safetensors.torch import save_file
 
 from blender_tests.engine.splats.clouds import BACKGROUND, NEAR, camera_ahead, cloud
 from karf_engine.errors import DataError
-from karf_engine.splats.files import SCHEMA, load_gaussians, save_gaussians
+from karf_engine.splats.files import SCHEMA, load_all_gaussians, load_gaussians, save_gaussians
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, PLAIN_FILTER
 from karf_engine.splats.rasterizer import rasterize
@@ -94,6 +94,28 @@ def test_invalid_contents_are_rejected(path, damage):
     header = {"schema": damage.get("schema", SCHEMA), "facts": damage.get("facts", FACTS)}
     text = json.dumps(header).replace("Infinity", "1e999")
     save_file(damage.get("tensors", {"table": torch.from_numpy(cloud(30, 2))}), path, {"karf": text})
+    assert_rejected(path)
+
+
+ERASED = np.arange(30) % 3 == 0
+
+
+def test_erased_gaussians_are_left_out_but_kept_in_the_file(path):
+    whole = gaussians(visibility=SEEN)
+    save_gaussians(whole, path, ERASED)
+    found, (everything, erased) = load_gaussians(path), load_all_gaussians(path)
+    assert_array_equal(found.table, whole.table[~ERASED])
+    assert_array_equal(found.visibility, SEEN[~ERASED])
+    assert found.n_background == 5, "of 7 the rows 24 and 27 are erased"
+    assert_array_equal(everything.table, whole.table)
+    assert_array_equal(erased, ERASED)
+    with safe_open(path, "pt") as stored:
+        assert json.loads(stored.metadata()["karf"])["schema"] == "karf-splats/3", "older engines would show them"
+
+
+@pytest.mark.parametrize("erased", [ERASED[:29], ERASED.astype(np.uint8)], ids=["rows", "type"])
+def test_mismatched_erased_rows_are_rejected(path, erased):
+    save_gaussians(gaussians(), path, erased)
     assert_rejected(path)
 
 

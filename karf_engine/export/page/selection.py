@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,13 +48,6 @@ def rows_to_show(gaussians: Gaussians, visible: Visible) -> np.ndarray:
 def most_visible(rows: np.ndarray, visible: Visible, count: int) -> np.ndarray:
     """Return the most visible of these rows, sorted."""
     return np.sort(rows[np.argsort(-visible.most[rows], kind="stable")[:count]])
-
-
-def subset(gaussians: Gaussians, rows: np.ndarray) -> Gaussians:
-    """Return some rows of Gaussians, in ascending order."""
-    visibility = None if gaussians.visibility is None else gaussians.visibility[rows]
-    n_background = int((rows >= gaussians.n_foreground).sum())
-    return replace(gaussians, table=gaussians.table[rows], n_background=n_background, visibility=visibility)
 
 
 def psnr_of(shown: Gaussians, whole: Gaussians, cameras: Sequence[Camera]) -> float:

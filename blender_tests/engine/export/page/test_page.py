@@ -19,13 +19,13 @@ import karf_engine as karf
 from karf_engine.commands import export_page
 from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
 from karf_engine.export import page as page_module
-from karf_engine.export.page import selection
 from karf_engine.io import files as files_module
 from karf_engine.palettes.palette import Edit, read_edit
 from karf_engine.project import Project
 from karf_engine.project.state import without_stage, write_state
 from karf_engine.splats.formats.registry import read_splats
 from karf_engine.splats.formats.splat_file import upright
+from karf_engine.splats.gaussians import subset
 from karf_engine.splats.kernels.arrays import C0, COLOR, PLAIN_FILTER
 from karf_engine.splats.rasterizer import rasterize
 
@@ -111,7 +111,7 @@ def test_only_gaussians_that_change_no_photo_are_left_out(exact, model):
     rows = shown_rows(exact, model)
     background = np.arange(model.splats.n_foreground, len(model.splats))
     assert len(rows) < len(model.splats) and set(background) <= set(rows)
-    shown = selection.subset(model.splats, rows)
+    shown = subset(model.splats, rows)
     for view in model.capture.views:
         change = rasterize(shown, view.camera).image[..., :3] - rasterize(model.splats, view.camera).image[..., :3]
         assert np.abs(change).mean() < 1 / 255
@@ -155,7 +155,7 @@ def test_weights_recolor_as_the_engine(exact, model, edits, name):
         recolored[rows, 1:] += own[rows, 1:] @ matrix
     table[:, COLOR:] = recolored.reshape(len(table), -1)
     wanted = model.recolored_splats(edits.get(name, model.edit()))
-    shown = selection.subset(wanted, shown_rows(exact, model))
+    shown = subset(wanted, shown_rows(exact, model))
     for view in model.capture.split("test"):
         colors = [rasterize(each, view.camera).picture() for each in (replace(shown, table=table), shown)]
         assert np.abs(colors[0] - colors[1]).max() <= 1 / 255

@@ -12,6 +12,7 @@ pytest.importorskip("numba")
 
 from blender_tests.engine.conftest import finish_again, of_field
 from blender_tests.engine.worker.queries.conftest import with_arrays
+from karf_engine.api import erase_splats
 from karf_engine.capture.transforms import camera_to_json
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.export.cryptomatte import channels, header
@@ -71,6 +72,16 @@ def test_shown_color_matches_the_model_with_and_without_edit(show, model, camera
     assert_array_equal(found["color"], model.render_recolored(camera, edit))
     assert np.abs(found["color"] - as_learned).max() > 0.1
     assert_array_equal(show(edit=None)[1]["color"], as_learned)
+
+
+def test_erased_splats_are_gone_from_the_next_picture(show, learned, camera, tmp_path):
+    project = str(shutil.copytree(learned.project, tmp_path / "erased"))
+    before = show(project=project, edit=None)[1]["color"]
+    erase_splats(project, boxes=[(9, 0, 0, 9, 0, 9, 0, 0, 0, 0, 9, 0, 0, 0, 0, 1)])
+    found = show(project=project, edit=None)[1]["color"]
+    assert np.abs(found - before).max() > 0.1
+    model = Model.load(project)
+    assert_array_equal(found, model.render_recolored(camera, model.edit()))
 
 
 def test_scene_without_palettes_is_shown_as_learned(show, learned, camera, tmp_path):
