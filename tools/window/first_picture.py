@@ -46,7 +46,7 @@ def first_picture(story: Story) -> Wait:
     yield from acts.fit_picture()
     yield from story.shoot("learned")
     photo = desk.pixels()
-    yield from controls.drag_swatch((45, 25))
+    yield from controls.drag_swatch((-45, -25))
     yield from story.shoot()
     yield from controls.open_step(SIDEBAR, "render")
     yield from acts.dialog_job(story, r"karf\.render_view")

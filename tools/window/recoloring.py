@@ -219,6 +219,20 @@ def export_page(story: Story) -> Wait:
     story.note(f"{(page / 'index.html').stat().st_size / 1e6:.1f} MB")
 
 
+@CHAPTER.step("mouse: Add Delete Box, Delete Inside, Restore All")
+def delete_floaters(story: Story) -> Wait:
+    """A box deletes the splats in it, and they can be brought back."""
+    yield from controls.press_button(SIDEBAR, r"karf\.add_delete_box")
+    yield from story.shoot("box")
+    for operator, is_deleted in ((r"karf\.delete_inside", True), (r"karf\.restore_splats", False)):
+        yield from acts.press_job(operator)
+        yield from story.shoot(operator.rpartition(".")[2])
+        n_deleted = desk.module("project.disk").read(desk.scene()).erased
+        story.note(f"{n_deleted:,} splats are deleted")
+        check((n_deleted > 0) == is_deleted, f"{n_deleted} splats are deleted")
+    check(desk.scene().objects.get("KaRF Delete Box") is None, "the box is still there")
+
+
 @CHAPTER.step("mouse: Look Through, Rendered View; script: solid shading")
 def rendered_view(story: Story) -> Wait:
     """The rendered 3D View shows the recolored scene and no photo over it, also through a captured camera."""
