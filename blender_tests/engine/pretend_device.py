@@ -1,8 +1,9 @@
 """A pretend device, to test the placement of tensors without a graphics card.
 
 Tensors on `pretend` are held and computed by the CPU but report another device: operations that mix them with tensors
-of the CPU fail, and so do `.numpy()` and a generator of the other device. It is torch's "private use" device with
-Python as its backend; once set up, it stays for the whole process.
+of the CPU fail, and so do `.numpy()` and a generator of the other device. On request float64 tensors on it fail too, as
+on Apple's `mps`. It is torch's "private use" device with Python as its backend; once set up, it stays for the whole
+process.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves, tree_map_only
 from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
 
-from karf_engine.compute import runtime
+from karf_engine.compute import precision, runtime
 
 NAME = "pretend"
 _setup_privateuseone_for_python_backend(NAME)
@@ -32,11 +33,17 @@ class WrongDevice(RuntimeError):
     """Tensors or generators of different devices met."""
 
 
+class NoFloat64(TypeError):
+    """A float64 tensor was made on a device without them."""
+
+
 class PretendTensor(Tensor):
     """A tensor that reports the pretend device. values: its content, on the CPU."""
 
     @staticmethod
     def __new__(cls, values: Tensor) -> PretendTensor:
+        if values.dtype == torch.float64 and NAME in precision.WITHOUT_FLOAT64:
+            raise NoFloat64(f"a float64 tensor of shape {tuple(values.shape)}")
         layout = {"strides": values.stride(), "storage_offset": values.storage_offset(), "dtype": values.dtype}
         tensor = Tensor._make_wrapper_subclass(cls, values.shape, **layout, device=torch.device(NAME, 0))
         tensor.values = values
@@ -86,7 +93,7 @@ class _Generator(torch.Generator):
 
 
 @contextmanager
-def pretend_device() -> Iterator[torch.device]:
+def pretend_device(has_float64: bool = True) -> Iterator[torch.device]:
     """The pretend device within the context; jobs find it by its name."""
     device, real = torch.device(NAME), runtime.find_device
 
@@ -94,7 +101,8 @@ def pretend_device() -> Iterator[torch.device]:
         return device if name == NAME else real(name)
 
     known = patch.object(runtime, "find_device", find_device)
-    with known, patch.object(torch, "Generator", _Generator), _Calls(), _Operations():
+    lacking = patch.object(precision, "WITHOUT_FLOAT64", () if has_float64 else (NAME,))
+    with known, lacking, patch.object(torch, "Generator", _Generator), _Calls(), _Operations():
         yield device
 
 

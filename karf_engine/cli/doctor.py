@@ -189,6 +189,8 @@ def devices(chosen: str | None) -> Iterator[Finding]:
         facts = torch.cuda.get_device_properties(number)
         sentence = f"cuda:{number} is {facts.name} with {facts.total_memory / GB:.1f} GB of memory."
         yield Finding(f"cuda:{number}", OK, sentence)
+    if torch.backends.mps.is_available():
+        yield Finding("mps", OK, "mps is Apple's GPU, untested: stages use it only with --device mps.")
     yield Finding("device", OK, f"Stages compute on {PROCESSOR if device.type == 'cpu' else device}.")
     yield rasterizer(device.type, backend(device))
 

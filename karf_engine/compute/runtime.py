@@ -20,6 +20,10 @@ from torch import Tensor, distributed
 from ..errors import BadRequest, is_out_of_memory
 from . import cores
 
+NEEDS = {
+    "cuda": " It needs a CUDA build of torch and an NVIDIA or AMD card.",
+    "mps": " It needs torch on Apple silicon.",
+}
 PATIENCE = timedelta(days=30)  # helpers wait for whole stages; torchrun detects processes that died
 
 
@@ -113,20 +117,19 @@ def default_threads() -> int:
 
 
 def find_device(name: str | None) -> torch.device:
-    """Return the device `cpu`, `cuda` or `cuda:<number>`; None for CUDA if available, else the CPU.
+    """Return the device `cpu`, `cuda`, `cuda:<number>` or `mps`; None for CUDA if available, else the CPU.
 
     Raises BadRequest if the name is unknown, or the device is missing or does not respond.
     """
     available = ["cpu"]
     if torch.cuda.is_available():
         available += ["cuda", *(f"cuda:{number}" for number in range(torch.cuda.device_count()))]
+    if torch.backends.mps.is_available():
+        available.append("mps")
     name = ("cuda" if "cuda" in available else "cpu") if name is None else str(name)
-    hint = f"Here these can be used: {', '.join(available)}."
-    if name.split(":")[0] == "mps":
-        raise BadRequest("Device 'mps' has no 64-bit numbers, in which light is summed up along rays.", hint)
+    hint = f"Here these can be used: {', '.join(available).replace('mps', 'mps (untested)')}."
     if name not in available:
-        needs = " It needs a CUDA build of torch and an NVIDIA or AMD card." if name == "cuda" else ""
-        raise BadRequest(f"There is no device {name!r}.", hint + needs)
+        raise BadRequest(f"There is no device {name!r}.", hint + NEEDS.get(name, ""))
     try:
         torch.ones(1, device=name).sum().item()  # fails if the driver is too old or the GPU too new for this torch
     except (RuntimeError, AssertionError) as error:

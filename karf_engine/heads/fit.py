@@ -12,6 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ..compute.precision import to_float64
 from ..compute.progress import Progress
 from ..compute.runtime import Runtime
 from ..fields.fit import Checkpoint
@@ -180,15 +181,16 @@ def _train(
 
 def _pool(weights: Tensor) -> Tensor:
     """Return the cumulative sum of sampling weights [p] for `_draw`; empty where all are 0."""
-    total = torch.cumsum(weights.double(), 0)
+    total = torch.cumsum(to_float64(weights), 0)
     return total if len(total) and float(total[-1]) > 0 else total[:0]
 
 
 def _draw(pool: Tensor, count: int, runtime: Runtime) -> Tensor:
     """Draw `count` indices in proportion to the weights of a pool, with replacement."""
     if len(pool) == 0:
-        return torch.zeros(0, dtype=torch.long, device=pool.device)
-    return torch.searchsorted(pool, runtime.rand(count).double() * pool[-1]).clamp_max(len(pool) - 1)
+        return torch.zeros(0, dtype=torch.long, device=runtime.device)
+    drawn = torch.searchsorted(pool, to_float64(runtime.rand(count)) * pool[-1])
+    return drawn.clamp_max(len(pool) - 1).to(runtime.device)
 
 
 def _ray_features(

@@ -96,7 +96,7 @@ def training_rays(
         """Return LoCoPalettes' weights [m, M], photo by photo."""
         surface = positions[own][:, positions.shape[1] // 2]
         features = scene_field.features(surface).cpu().numpy()
-        world = scene_field.space.to_world(surface).double().cpu().numpy()
+        world = scene_field.space.to_world(surface).cpu().double().numpy()
         rgb, number = colors[own].cpu().numpy(), view[own].cpu().numpy()
         result = np.zeros((len(rgb), len(palette.colors)), np.float32)
         progress = start_progress("loco", len(np.unique(number))) if start_progress else None

@@ -56,7 +56,7 @@ class Options:
     threads: int | None = option(
         "processor threads (default: all cores, at most 4)", None, metavar="N", minimum=1, maximum=MOST_THREADS
     )
-    device: str | None = option("cpu, cuda or cuda:NUMBER (default: cuda where there is one)", None)
+    device: str | None = option("cpu, cuda, cuda:NUMBER or, untested, mps (default: cuda where there is one)", None)
 
     def __post_init__(self) -> None:
         kinds = annotations_of(type(self))

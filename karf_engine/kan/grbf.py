@@ -26,6 +26,7 @@ from torch import Tensor
 
 from ..compute.cores import parallel_for
 from ..compute.kernels import has_kernels
+from ..compute.precision import to_float64
 from ..errors import BadRequest
 from ..io.arguments import check_arguments, check_number
 from .inputs import check_same_rows, check_tensor
@@ -122,7 +123,7 @@ class _Recurrence:
         self.n_centers = n_centers
         self.anchor = n_centers // 2
         self.spacing = 2 * GRID_LIMIT / (n_centers - 1)
-        h = bandwidth.detach().double()
+        h = to_float64(bandwidth.detach())
         kappa = (self.spacing / h) ** 2
         margin = _CLAMP_BANDWIDTHS * h / self.spacing
         lowest, highest = -self.anchor - margin, n_centers - 1 - self.anchor + margin
@@ -133,7 +134,7 @@ class _Recurrence:
         self.kappa, self.lowest, self.highest, self.shift, self.exp_shift, self.scale, self.decay = values
         self.origin = self.anchor * self.spacing - GRID_LIMIT
         self.kernels: Any = None
-        if h.device.type == "cpu" and bandwidth.dtype == torch.float32 and has_kernels():
+        if bandwidth.device.type == "cpu" and bandwidth.dtype == torch.float32 and has_kernels():
             from . import fused  # needs numba
 
             self.kernels = fused
@@ -227,12 +228,12 @@ class _Gradients(torch.autograd.Function):
             _fill_gradients, n_sums, x, u, weight, grad_output, recurrence, grad_x, grad_u, grad_weights, quadratics
         )
         grad_u.mul_(scale * kappa / recurrence.spacing)
-        grad_weight, quadratic = grad_weights.sum(0).mul_(scale), quadratics.double().sum()
+        grad_weight, quadratic = grad_weights.sum(0).mul_(scale), to_float64(quadratics).sum()
         # dL/dkappa = -1/2 sum (w - j)^2 E_j. The part in j^2 needs no bases: summed over rows, E_j is W dL/dW. Both parts
         # nearly cancel, hence float64.
-        per_center = (grad_weight.double() * weight.double()).unflatten(1, (n + 1, -1))[:, :n].sum(dim=(0, 2))
-        steps = torch.arange(n, dtype=torch.float64, device=u.device) - recurrence.anchor
-        grad_kappa = (-0.5 * (scale * quadratic + steps.square() @ per_center)).to(u.dtype)
+        per_center = (to_float64(grad_weight) * to_float64(weight)).unflatten(1, (n + 1, -1))[:, :n].sum(dim=(0, 2))
+        steps = torch.arange(n, dtype=torch.float64, device=per_center.device) - recurrence.anchor
+        grad_kappa = (-0.5 * (scale * quadratic + steps.square() @ per_center)).to(u)
         return grad_x, grad_u, grad_weight, grad_kappa * (-2 * kappa / bandwidth)
 
     @staticmethod

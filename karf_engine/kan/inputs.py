@@ -5,6 +5,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from ..compute.precision import to_float64
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_arguments, check_number, check_type
 
@@ -86,7 +87,7 @@ class Standardizer(nn.Module):
         check_tensor("features", features, len(self.mean), self.mean)
         if not features.numel():
             raise BadRequest("features are none.", "Give at least one.")
-        std, mean = torch.std_mean(features.double().flatten(0, -2), dim=0, correction=0)
+        std, mean = torch.std_mean(to_float64(features).flatten(0, -2), dim=0, correction=0)
         if not torch.isfinite(std).all():
             raise DataError("The prior features hold values that are not finite.", "Train the geometry stage again.")
         constant = std <= _CONSTANT_CHANNEL * mean.abs()

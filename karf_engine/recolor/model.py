@@ -94,7 +94,7 @@ class Model(Learned):
     @classmethod
     @check_arguments
     def load(cls, folder: Path | str, device: str | None = None) -> Model:
-        """Load the model in a project's folder, on `cpu`, `cuda` or `cuda:<number>`; None for CUDA if there is one.
+        """Load the model in a project's folder, on `cpu`, `cuda`, `cuda:<number>` or `mps`; None for CUDA if there is one.
 
         Raises BadRequest if nothing is learned there or there is no such device, DataError if it is not a project or a
         file is damaged.

@@ -140,7 +140,7 @@ def test_locks_that_do_not_hold_give_a_warning(monkeypatch, tmp_path):
 def test_cuda_build_without_cards_gives_a_warning(monkeypatch):
     monkeypatch.setattr("torch.version.cuda", "12.8")
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
-    build, device, _ = doctor.devices(None)
+    build, *_, device, _ = doctor.devices(None)
     assert build.status == WARNING and "CUDA 12.8" in build.sentence and "driver" in build.remedy
     assert device == Finding("device", OK, "Stages compute on the processor.")
 
@@ -152,6 +152,13 @@ def test_cards_are_listed_with_their_memory(monkeypatch):
     monkeypatch.setattr("torch.cuda.get_device_properties", lambda number: facts)
     found = {finding.name: finding.sentence for finding in doctor.devices("cpu")}
     assert found["cuda:0"] == "cuda:0 is RTX 4090 with 24.0 GB of memory."
+
+
+def test_apple_gpu_is_listed_as_untested_and_not_used(monkeypatch):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    monkeypatch.setattr("torch.backends.mps.is_available", lambda: True)
+    found = {finding.name: finding.sentence for finding in doctor.devices(None)}
+    assert "untested" in found["mps"] and found["device"] == "Stages compute on the processor."
 
 
 def test_missing_device_is_an_error_and_skips_the_stages(tmp_path):

@@ -36,13 +36,15 @@ SETTINGS = replace(GeometrySettings(), features=4, prune_alpha=0.0, open=OPEN, n
 SILENT = Progress(lambda *_, **__: None, lambda: False, "geometry", 1)
 
 
-@pytest.fixture
+@pytest.fixture(params=["float64", "no float64"])
 def other_device(request):
-    """A device that is not the CPU: that of `--device`, else the pretended one."""
+    """A device that is not the CPU: that of `--device`, else the pretended one, with float64 or without."""
     if request.config.getoption("device") != "cpu":
+        if request.param == "no float64":
+            pytest.skip("the device is what it is")
         yield request.getfixturevalue("device")
         return
-    with pretend_device() as device:
+    with pretend_device(has_float64=request.param == "float64") as device:
         yield device
 
 

@@ -19,7 +19,7 @@ from karf_engine.compute.sparse_systems import NotConverged, convergence_as_even
 from karf_engine.errors import BadRequest
 from karf_engine.segmentation import label_propagation
 
-UNKNOWN = ("gpu", "cuda", "cuda:0", "cuda:x", "cpu:1", "CPU", "", "xla", "meta", "vulkan", "🏺")
+UNKNOWN = ("gpu", "cuda", "cuda:0", "cuda:x", "cpu:1", "CPU", "", "xla", "meta", "vulkan", "mps", "mps:0", "🏺")
 
 
 def pretend_cards(count, monkeypatch):
@@ -33,7 +33,6 @@ def pretend_cards(count, monkeypatch):
     [
         *((name, 0, f"There is no device {name!r}.", "can be used: cpu.") for name in UNKNOWN),
         ("cuda:2", 2, "There is no device 'cuda:2'.", "cpu, cuda, cuda:0, cuda:1."),
-        *((name, 0, "64-bit", "can be used: cpu.") for name in ("mps", "mps:0")),
     ],
 )
 def test_missing_device_is_rejected_with_available_ones(name, cards, sentence, known, monkeypatch):
@@ -51,9 +50,22 @@ def test_unresponsive_card_is_rejected(name, monkeypatch):
         start_runtime(device=name)
 
 
-def test_cpu_is_the_default_without_a_card(monkeypatch):
+@pytest.mark.parametrize("has_mps", [False, True])
+def test_cpu_is_the_default_without_a_card(has_mps, monkeypatch):
     pretend_cards(0, monkeypatch)
+    monkeypatch.setattr(torch.backends.mps, "is_available", lambda: has_mps)
     assert find_device(None) == find_device("cpu") == torch.device("cpu")
+
+
+@pytest.mark.skipif(torch.backends.mps.is_available(), reason="it answers")
+def test_mps_is_listed_as_untested_and_tried(monkeypatch):
+    pretend_cards(0, monkeypatch)
+    monkeypatch.setattr(torch.backends.mps, "is_available", lambda: True)
+    with pytest.raises(BadRequest, match="There is no device") as raised:
+        find_device("gpu")
+    assert "can be used: cpu, mps (untested)." in raised.value.hint
+    with pytest.raises(BadRequest, match="Device 'mps' does not answer"):
+        find_device("mps")
 
 
 @pytest.mark.parametrize("name", ["gpu", "mps"])

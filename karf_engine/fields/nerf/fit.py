@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from ...capture.capture import SparsePoints, View
+from ...compute.precision import float64_device, to_float64
 from ...compute.progress import Progress
 from ...compute.runtime import Runtime
 from ...project.settings import NerfSettings
@@ -123,7 +124,8 @@ class NerfFit:
         self._white = kind in ("alpha", "white")
         self._noise = settings.density_noise if field.space.is_forward_facing else 0.0
         self._crop = 0 if kind == "opaque" else settings.crop_iterations
-        self._loss_average = scalar_tensor(0.1).to(runtime.device)  # reading it would wait for the device
+        # reading it would wait for the device
+        self._loss_average = scalar_tensor(0.1).to(float64_device(runtime.device))
         self._yielded = 0  # iterations of the last yielded scene
         optimizer = Adam(field.parameters(), lr=settings.rate)
         self._training_state = TrainingState(settings.iterations, optimizer, field.state_dict, runtime)
@@ -175,7 +177,7 @@ class NerfFit:
             target = target * matte + (1 - matte)
         coarse, fine = self._render(self.dataset.rays(index))
         error = ((fine - target) ** 2).mean()
-        self._loss_average += 0.05 * (error.detach() - self._loss_average)
+        self._loss_average += 0.05 * (to_float64(error.detach()) - self._loss_average)
         loss = error + ((coarse - target) ** 2).mean()
         return loss, {"psnr": -10 * torch.log10(self._loss_average.clamp_min(1e-10))}
 

@@ -157,7 +157,7 @@ class Contraction(OpenSpace):
 
     def is_seen(self, positions: Tensor, cameras: list[Camera]) -> Tensor:
         """Return which positions [n, 3] are in the ball and seen by at least MIN_VIEWS cameras, [n] bool."""
-        world = self.to_world(positions).double().cpu().numpy()
+        world = self.to_world(positions).cpu().double().numpy()
         n_seen = np.zeros(len(world), int)
         for camera in cameras:
             pixels, depth = camera.project(world)

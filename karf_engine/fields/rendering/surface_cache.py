@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from ...compute.cores import parallel_for
+from ...compute.precision import to_float64
 from ...compute.progress import Progress
 from .rays import Rays
 from .sampling import Samples
@@ -92,20 +93,21 @@ def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_sample
 
     Not differentiable.
     """
-    n_rays = len(rays)
-    mass = torch.cumsum(ray_weights.double(), 0)
-    counts = torch.bincount(samples.ray_indices, minlength=n_rays)
+    n_rays, mass = len(rays), torch.cumsum(to_float64(ray_weights), 0)
+    ray_indices = samples.ray_indices.to(mass.device)
+    counts = torch.bincount(ray_indices, minlength=n_rays)
     end = torch.cumsum(counts, 0)
     padded = torch.cat([mass.new_zeros(1), mass])
     mass_before, opacity = padded[end - counts], padded[end] - padded[end - counts]
     kept = torch.nonzero(opacity > MIN_OPACITY).squeeze(1)
 
     # one sorted key for all rays: ray number + cumulative share of the ray's opacity
-    share = (mass - mass_before[samples.ray_indices]) / opacity[samples.ray_indices].clamp_min(1e-12)
-    key = samples.ray_indices + share.clamp(0, 1 - 1e-9)
+    share = (mass - mass_before[ray_indices]) / opacity[ray_indices].clamp_min(1e-12)
+    key = ray_indices + share.clamp(0, 1 - 1e-9)
     quantiles = (torch.arange(n_samples, device=key.device) + 0.5) / n_samples
     chosen = torch.searchsorted(key, kept[:, None] + quantiles)
     # rounding may lead past the ray's last sample
     chosen = torch.minimum(chosen, end[kept, None] - 1)
+    chosen, kept, opacity = (part.to(ray_weights.device) for part in (chosen, kept, opacity[kept].float()))
     positions, distances = samples.positions[chosen], samples.distances[chosen]
-    return SurfaceCache(positions, distances, rays.viewdirs[kept], opacity[kept].float(), kept + first)
+    return SurfaceCache(positions, distances, rays.viewdirs[kept], opacity, kept + first)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from ...compute.precision import to_float64
 from .sampling import Samples
 
 VISIBLE_WEIGHT = 1e-4  # samples below this weight get no color: they cannot change an 8-bit pixel
@@ -30,9 +31,9 @@ def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tenso
     1e-3 of transmittance.
     """
     # exp(-100) is negligible, and a huge summand would cost later rays their digits
-    limited = optical_depths.double().clamp_max(100)
+    limited = to_float64(optical_depths).clamp_max(100)
     before = torch.cumsum(limited, 0) - limited
-    return torch.exp(_of_ray_start(before, ray_indices) - before).to(optical_depths.dtype)
+    return torch.exp(_of_ray_start(before, ray_indices) - before).to(optical_depths)
 
 
 def ray_weights_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor) -> Tensor:
@@ -57,7 +58,8 @@ def distortion(
 
     `step` is the interval length, one for all samples or [S], in the unit of `distances` [S].
     """
-    weights, moments = ray_weights.double(), ray_weights.double() * distances.double()
+    weights = to_float64(ray_weights)
+    moments, ray_indices = weights * to_float64(distances), ray_indices.to(weights.device)
     before = torch.cumsum(weights, 0) - weights
     before = before - _of_ray_start(before, ray_indices)
     moments_before = torch.cumsum(moments, 0) - moments
@@ -65,12 +67,12 @@ def distortion(
     # the sum over all pairs of a ray, in one pass: pair each sample with all before it
     pairs = 2 * (moments * before - weights * moments_before) + step / 3 * weights**2
     sums = torch.zeros(n_rays, dtype=pairs.dtype, device=pairs.device)
-    return sums.index_add(0, ray_indices, pairs).to(ray_weights.dtype)
+    return sums.index_add(0, ray_indices, pairs).to(ray_weights)
 
 
 def _of_ray_start(values: Tensor, ray_indices: Tensor) -> Tensor:
     """Return the value [S] at the first sample of each sample's ray."""
-    return values[torch.searchsorted(ray_indices, ray_indices)]
+    return values[torch.searchsorted(ray_indices, ray_indices).to(values.device)]
 
 
 def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, n_rays: int) -> Tensor:

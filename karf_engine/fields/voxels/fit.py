@@ -15,6 +15,7 @@ from typing import Any, Generic, TypeVar
 import torch
 from torch import Tensor
 
+from ...compute.precision import float64_device, to_float64
 from ...compute.progress import Progress
 from ...compute.runtime import Runtime
 from ...errors import DataError, Diverged
@@ -70,7 +71,7 @@ class VoxelFit(Generic[Recipe]):
         self.dataset, self.recipe, self.runtime = dataset, recipe, runtime
         self.field, self.background = field, background
         self._rays_per_batch = min(1024.0, recipe.max_rays)
-        self._loss_average = torch.tensor(0.1, dtype=torch.float64, device=runtime.device)
+        self._loss_average = scalar_tensor(0.1).to(float64_device(runtime.device))
         self._phases = [phase for level in range(len(recipe.levels)) for phase in self._phases_of(level)]
         self._number = 0  # of the current phase
         self._training_state: TrainingState | None = None  # of the current phase, once it has begun
@@ -131,7 +132,7 @@ class VoxelFit(Generic[Recipe]):
         training_state.resume(saved_state)
         self._number = phase_number
         self._rays_per_batch = float(state["rays_per_batch"])
-        self._loss_average = state["loss_average"].to(self.runtime.device)
+        self._loss_average = state["loss_average"].to(self._loss_average.device)
         for name, tensor in self._own_tensors().items():
             tensor.copy_(state[f"own.{name}"])
         self._set_field(field, renderer, training_state)
@@ -217,7 +218,7 @@ class VoxelFit(Generic[Recipe]):
                 wanted = n_rays * share * self.recipe.samples / n_samples
                 self._rays_per_batch = min(0.8 * self._rays_per_batch + 0.2 * wanted, self.recipe.max_rays)
             # stays a tensor: reading the value would synchronize with the device
-            self._loss_average = torch.lerp(self._loss_average, error.detach().double(), 0.05)
+            self._loss_average = torch.lerp(self._loss_average, to_float64(error.detach()), 0.05)
             return loss, {"psnr": -10 * self._loss_average.clamp_min(1e-10).log10()}
 
         assert self._training_state is not None
