@@ -211,6 +211,22 @@ def test_optimizer_leaves_untouched_rows_unchanged():
     assert not (moved & ~touched).any()
 
 
+def test_optimizer_moves_runs_of_rows_as_adam_does():
+    renderer = fused_renderer(random_field("box"))
+    table, random = renderer.field.feature_table, np.random.default_rng(0)
+    has_gradient = torch.from_numpy(random.random(len(table)) < 0.9)
+    expected = torch.nn.Parameter(table.detach().clone())
+    adam, optimizer = torch.optim.Adam([expected], 0.05, (0.9, 0.99), 1e-12), new_optimizer(renderer)
+    for _ in range(3):
+        expected.grad = torch.from_numpy(random.standard_normal(table.shape, np.float32)) * has_gradient[:, None]
+        renderer.gradients.features[:] = expected.grad.flatten()
+        renderer.touched[:] = 3  # also where there is no gradient
+        adam.step()
+        optimizer.step()
+    assert_close(table.detach(), expected.detach(), rtol=0, atol=1e-5)
+    assert not renderer.gradients.features.any() and not renderer.touched.any()
+
+
 def test_nan_stops_training():
     renderer, batch = fused_renderer(random_field("box")), random_batch("box")
     renderer.field.feature_table.data[:, 0] = torch.nan

@@ -250,15 +250,23 @@ def adam_rows(first, last, touched, density, features, n_features, step, beta1, 
 
     step: learning rate / (1 - beta1^t). correction: 1 / sqrt(1 - beta2^t).
     """
-    n = len(n_features)
+    n, start = len(n_features), first  # of a run of rows with gradients of features: long loops become vector code
     for row in range(first, last):
         if touched[row] & DENSITY and density.gradients[row] != ZERO:
             adam_value(density, row, step, beta1, beta2, correction)
-        start = np.uint64(row) * np.uint64(n)
-        if touched[row] & FEATURES and has_gradient(features.gradients, start, n):
-            for number in range(n):
-                adam_value(features, start + np.uint64(number), step, beta1, beta2, correction)
+        if not touched[row] & FEATURES or not has_gradient(features.gradients, np.uint64(row) * np.uint64(n), n):
+            if start < row:
+                adam_values(features, start * n, row * n, step, beta1, beta2, correction)
+            start = row + 1
         touched[row] = np.uint8(0)
+    adam_values(features, start * n, last * n, step, beta1, beta2, correction)
+
+
+@kernel
+def adam_values(table, first, last, step, beta1, beta2, correction):
+    """Update the values first to last and reset their gradients."""
+    for number in range(first, last):
+        adam_value(table, np.uint64(number), step, beta1, beta2, correction)
 
 
 @kernel
