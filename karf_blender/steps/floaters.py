@@ -14,6 +14,7 @@ from ..tasks.runner import Task
 from . import requests
 
 NAME = "KaRF Delete Box"
+SIZE = 0.5  # of a new box, relative to the rig's axes
 
 
 def is_delete_box(item: bpy.types.Object) -> bool:
@@ -22,7 +23,7 @@ def is_delete_box(item: bpy.types.Object) -> bool:
 
 
 def add_delete_box(scene: bpy.types.Scene, place: Sequence[float] | None = None) -> bpy.types.Object:
-    """Add an Empty shown as a cube, as large as the rig's axes, and select it alone.
+    """Add an Empty shown as a cube, half as large as the rig's axes, and select it alone.
 
     place: its center in Blender's world (default: the 3D cursor).
     """
@@ -31,7 +32,7 @@ def add_delete_box(scene: bpy.types.Scene, place: Sequence[float] | None = None)
     box = bpy.data.objects.new(NAME, None)
     box.empty_display_type = "CUBE"
     box.location = scene.cursor.location if place is None else place
-    box.scale = rig.empty_display_size * rig.matrix_world.to_scale()
+    box.scale = SIZE * rig.empty_display_size * rig.matrix_world.to_scale()
     scene.collection.objects.link(box)
     for other in list(layer.objects.selected):
         other.select_set(False, view_layer=layer)

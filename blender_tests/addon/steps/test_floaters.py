@@ -16,7 +16,7 @@ def names(scene):
     return [item.name for item in scene.objects if item.name.startswith("KaRF Delete Box")]
 
 
-def test_new_box_is_selected_alone_and_as_large_as_the_rigs_axes(bpy, addon, with_splats):
+def test_new_box_is_selected_alone_and_half_as_large_as_the_rigs_axes(bpy, addon, with_splats):
     rig = with_splats.karf.rig
     rig.empty_display_size, rig.scale, with_splats.cursor.location = 0.5, (3, 3, 3), (1, 2, 3)
     bpy.context.view_layer.update()
@@ -24,7 +24,7 @@ def test_new_box_is_selected_alone_and_as_large_as_the_rigs_axes(bpy, addon, wit
     box = bpy.context.object
     assert bpy.context.selected_objects == [box] and names(with_splats) == ["KaRF Delete Box"]
     assert box.type == "EMPTY" and box.empty_display_type == "CUBE"
-    assert tuple(box.location) == (1, 2, 3) and np.allclose(box.scale, 1.5)
+    assert tuple(box.location) == (1, 2, 3) and np.allclose(box.scale, 0.75)
     assert tuple(addon.steps.add_delete_box(with_splats, (4, 5, 6)).location) == (4, 5, 6)
 
 
