@@ -30,5 +30,5 @@ def test_readme_snippet_runs_as_printed(wheel, tmp_path):
     command = [home / "bin" / "python", "-c", snippet + CHECKS]
     done = subprocess.run(command, cwd=work, capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1].startswith("(256, 256, 3)")
+    assert done.stdout.splitlines()[-1].startswith("(512, 512, 3)")
     assert (work / "blue_pot.json").exists() and Project(work / "demo_karf").finished("recoloring")

@@ -1,6 +1,5 @@
 """Captures from photos without poses: correct cameras, rejected input, and no half-written results."""
 
-import shutil
 import sys
 from pathlib import Path
 
@@ -21,8 +20,9 @@ from karf_engine.commands import poses
 from karf_engine.commands.dispatch import run_command
 from karf_engine.commands.options import PosesOptions
 from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
+from karf_engine.io.color import to_bytes
 from karf_engine.io.image_size import image_header
-from karf_engine.io.images import read_photo, write_png
+from karf_engine.io.images import read_photo, resize, write_png
 
 
 def run(photos, out, should_stop=lambda: False, **options):
@@ -60,13 +60,13 @@ def write_noise(folder, count, size=128):
 
 def test_demo_photos_are_placed_near_their_true_poses(tmp_path):
     (tmp_path / "photos").mkdir()
-    for photo in sorted((ROOT / "demo" / "train").glob("*.jpg"))[::2]:
-        shutil.copy(photo, tmp_path / "photos")
+    for photo in (ROOT / "demo" / "train").glob("*.jpg"):  # at half size, as it takes much less time
+        write_png(tmp_path / "photos" / f"{photo.stem}.png", to_bytes(resize(read_photo(photo), 256, 256)))
     events = run(tmp_path / "photos", tmp_path / "capture")
     capture = open_capture(tmp_path / "capture")
     truth = {view.stem: view.camera for view in open_capture(ROOT / "demo").split("train")}
     rotations, positions = pose_errors(capture, truth)
-    assert len(capture.views) >= 27 and np.mean(rotations) < 4 and np.mean(positions) < 0.06
+    assert len(capture.views) >= 57 and np.mean(rotations) < 2 and np.mean(positions) < 0.03
     assert len(capture.points) > 100
     assert sorted(path.name for path in tmp_path.iterdir()) == ["capture", "photos"]
     assert sorted(path.name for path in (tmp_path / "capture").iterdir()) == ["images", "sparse"]
