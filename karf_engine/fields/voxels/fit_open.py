@@ -33,7 +33,7 @@ from .renderer import RayBatch, Renderer
 
 DENSITY_BIAS = -4.5  # visible fog from the start, since every ray must end on something
 LATE_POINTS = 0.25  # factor of the points' weight in the last level, where photos locate surfaces better than points
-TV_RUNS, RUN = 470, 64  # runs of consecutive vertices; memory latency would dominate for single ones
+TV_VERTICES = 30_000
 CARVED = 256  # cells along the longest side; from finer levels free space is not carved again
 SKY_PIXELS, FEWEST_SKY_PIXELS = 200_000, 200  # pixels drawn from all photos; required above the horizon
 SKY_FRACTION, SKY_ERROR = 0.8, 0.11  # of pixels above the horizon that a sky must explain; color error of each
@@ -105,15 +105,15 @@ class OpenFit(VoxelFit[OpenSettings]):
         return loss, error, sums.n_samples
 
     def _total_variation(self) -> Tensor:
-        """Return the mean squared difference to the next vertex along each axis, over random runs of vertices."""
-        field, length = self.field, min(RUN, len(self._vertices))
-        starts = self.runtime.randint(len(self._vertices) - length + 1, TV_RUNS)
-        rows = (starts[:, None] + torch.arange(length, device=starts.device)).flatten()
+        """Return the mean squared difference to the next vertex along each axis, over random vertices."""
+        field = self.field
+        # sorted, since memory latency dominates
+        rows = self.runtime.randint(len(self._vertices), TV_VERTICES).sort().values
         steps = field.vertex_numbers(torch.eye(3, dtype=torch.long, device=rows.device))
         last = field.index.numel() * BITS - 1
         neighbors = field.rows_of((self._vertices[rows, None] + steps).clamp_max(last))
         density, features = self.renderer.differences(rows.repeat_interleave(3), neighbors.view(-1))
-        return (density + features / self.field.n_features) / len(rows)
+        return (density + features / self.field.n_features) / TV_VERTICES
 
 
 def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
