@@ -116,7 +116,7 @@ class KARF_OT_delete_inside(StepOperator, bpy.types.Operator):
 
 
 class KARF_OT_restore_splats(StepOperator, bpy.types.Operator):
-    """Bring back all splats that were deleted since they were learned"""
+    """Bring back all deleted splats"""
 
     bl_idname = "karf.restore_splats"
     bl_label = "Restore All"

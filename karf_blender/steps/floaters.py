@@ -63,7 +63,7 @@ def delete_inside(scene: bpy.types.Scene, boxes: Sequence[bpy.types.Object]) -> 
 
 
 def restore_splats(scene: bpy.types.Scene) -> Task:
-    """Bring back all splats that `delete_inside` has deleted since they were learned; the task's result is 0."""
+    """Bring back all splats that `delete_inside` has deleted; the task's result is 0."""
     return requests.task(scene, "Restore All", ("erase", {"restore": True}), result=partial(_n_deleted, scene))
 
 

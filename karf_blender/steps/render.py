@@ -69,8 +69,8 @@ def render_captured(
     """Recolor captured views on their photos, in the folder that is the task's result. Choices become the panel's.
 
     The views are `all`, `train`, `test`, or names and ranges (`0000-0007`) with commas; `skip_existing` keeps pictures
-    that would come out the same. The size `photo` is all pixels of the photos, in files of their kind (PNG, TIFF or EXR), `learned` what was
-    learned from, and a number the long side in pixels.
+    that would come out the same. The size `photo` is all pixels of the photos, in files of their kind (PNG, TIFF or
+    EXR), `learned` what was learned from, and a number the long side in pixels.
     """
     _choose(scene, out, skip_existing)
     return _captured_task(scene, "Captured Views", views, size)

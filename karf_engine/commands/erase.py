@@ -22,7 +22,8 @@ ROUNDED = 1e-5  # of its last row, from single precision
 def run(options: EraseOptions, emit: Emit, should_stop: Callable[[], bool]) -> int:
     """Erase what is in the boxes, or bring all back; return how many Gaussians are erased now.
 
-    Raises BadRequest without splats, for a box that is none or that holds none, and where nothing would be left.
+    Raises BadRequest without splats, for a matrix that makes no box, a box without splats, and where nothing
+    would be left.
     """
     project = Project(options.project)
     project.require("splats")

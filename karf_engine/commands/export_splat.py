@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -68,7 +69,6 @@ class _Exporter:
         self._splatted, self._splats = model.splatted, model.splatted.gaussians
         self._matrix = np.eye(4) if options.matrix is None else np.array(options.matrix, np.float64).reshape(4, 4)
         self._source = job.capture().splats
-        self._kept = ~load_all_gaussians(job.project.splats_file)[1]  # rows of the original
         self._rows = self._chosen_rows()
         self._original = self._original_file()
         self._attributes = self._attribute_columns()
@@ -88,8 +88,8 @@ class _Exporter:
     def write(self, path: Path, edit: Edit | None) -> None:
         """Write one file."""
         gaussians = self._splats if edit is None else self._model.recolored_splats(edit)
-        is_whole = self._kept.all() and self._rows.all() and np.array_equal(self._matrix, np.eye(4))
-        if is_whole and self._original is not None and not self._original.is_text:
+        is_whole = self._rows.all() and np.array_equal(self._matrix, np.eye(4))
+        if is_whole and self._original is not None and not self._original.is_text and self._kept.all():
             ply.rewrite(self._original, path, gaussians.table, self._attributes)
             return
         table = np.ascontiguousarray(transform_gaussians(gaussians, self._matrix).table[self._rows])
@@ -100,8 +100,14 @@ class _Exporter:
 
     @property
     def _foreign_columns(self) -> Mapping[str, np.ndarray]:
-        columns = self._original.splats.columns if self._original else {}
-        return {name: column[self._kept] for name, column in columns.items()}
+        if self._original is None:
+            return {}
+        return {name: column[self._kept] for name, column in self._original.splats.columns.items()}
+
+    @cached_property
+    def _kept(self) -> np.ndarray:
+        """The rows of the original that are not erased, [n] bool."""
+        return ~load_all_gaussians(self._model.project.splats_file)[1]
 
     def _original_file(self) -> ply.Original | None:
         """Return the imported .ply file where its other contents can be kept."""

@@ -18,7 +18,7 @@ LOOK_COLUMNS = 5
 
 
 def save_gaussians(gaussians: Gaussians, path: Path, erased: np.ndarray | None = None) -> None:
-    """Write Gaussians, with which of them are erased ([n] bool)."""
+    """Write Gaussians; `load_gaussians` leaves out erased ones, [n] bool."""
     facts = {"n_behind": gaussians.n_background, "background": list(gaussians.background), "near": gaussians.near}
     schema = SCHEMA
     if gaussians.screen_filter != PIXEL_FILTER:

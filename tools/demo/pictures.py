@@ -3,7 +3,7 @@
     .venv/blender/bin/python -m tools.demo.make_capture --out demo --film FILM --size 640 --test 20 --samples 32
     .venv/engine/bin/python -m tools.demo.pictures FILM --project PROJECT
 
-The first command renders the photos, the second learns the scene from the demo's own 256-pixel photos into PROJECT and
+The first command renders the photos, the second learns the scene from the demo's own photos into PROJECT and
 writes docs/images/demo.webp.
 """
 

@@ -127,7 +127,7 @@ def _paints(changes: np.ndarray) -> np.ndarray:
 
 
 def reduced(picture: np.ndarray) -> np.ndarray:
-    """Return a picture [H, W, C] with the means of its squares, so that it has at most SIDE pixels a side."""
+    """Return a picture [H, W, C] reduced by averaging blocks of pixels to at most SIDE pixels a side."""
     height, width, channels = picture.shape
     step = -(-max(height, width) // SIDE)
     return picture.reshape(height // step, step, width // step, step, channels).mean((1, 3))

@@ -85,7 +85,7 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Extent:
-    """How much of it is rendered: pixels of a square photo, views, samples per pixel at most, photos' kind of file."""
+    """Size of a rendering: pixels of a square photo, views, samples per pixel at most; and the suffix of photos."""
 
     size: int
     train: int
