@@ -30,6 +30,7 @@ HUES = np.arange(-180, 180) * np.pi / 180  # radians, at which the density of hu
 HUE_SPREAD = 0.15  # of a paint's colors about its hue, radians
 COLORED = 0.25  # Lab saturation above which a color counts fully as that of a paint
 MIN_PAINT = 0.02  # share of an object, weighted by saturation
+PALER = 0.5  # share of a paint that is left out of its picked color: shade, and rims that are mixtures with white
 APART = 0.4  # least hue difference of two paints, radians
 VALLEY = 0.6  # density between two paints, relative to that of the weaker one
 NEUTRAL_BINS = np.linspace(0, 0.2, 6)  # saturations that neutrals can have, relative to a paint's
@@ -101,8 +102,14 @@ def _is_apart(density: np.ndarray, first: int, second: int) -> bool:
 
 
 def _paint_of_hue(seen: ColorHistogram, weights: np.ndarray, to_others: np.ndarray) -> AddedColor:
-    """Return the paint of colors with these weights [n]; its reach ends before other paints, by hue differences [P]."""
-    picked = np.average(seen.colors, axis=0, weights=weights)
+    """Return the paint of colors with these weights [n]; its reach ends before other paints, by hue differences [P].
+
+    The picked color is the mean of the colors with the most chroma.
+    """
+    by_chroma = np.argsort(lab_chroma(srgb_to_lab(seen.colors)))
+    share = np.cumsum(weights[by_chroma]) / weights.sum()
+    pure = by_chroma[share >= PALER]
+    picked = np.average(seen.colors[pure], axis=0, weights=weights[pure])
     nearest = np.abs(_turn(to_others)[to_others != 0]).min(initial=np.inf)
     reach = min(propose_added_color(seen, picked).reach, nearest / (GATE_CLOSED * HUE_GATE))
     return AddedColor(picked.astype(np.float32), float(reach), _protection(seen, picked, reach))
