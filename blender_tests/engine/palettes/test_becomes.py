@@ -157,6 +157,14 @@ def test_dragged_swatch_takes_its_color_and_shades_follow():
     np.testing.assert_array_equal(black, [*palette[:3], np.float32([0.1, 0.2, 0.9])])
 
 
+@pytest.mark.parametrize("color", [(0.3, 0.0, 0.3), (0.0, 0.35, 0.35), (0.05, 0.05, 0.4)])
+def test_highlights_stay_neutral_when_a_swatch_is_dragged_to_a_dark_color(color):
+    palette = np.array([[0, 0, 0], [1, 0, 0], [1, 0.95, 0.95]], np.float32)  # no pixel is as saturated as the swatch
+    seen = histogram_of(conftest.glossy_sphere(np.array([0.8, 0.2, 0.2])), palette)
+    gloss = match_dragged(*seen, palette, 1, np.float32(color))[2]
+    assert np.ptp(gloss) < 0.08
+
+
 def test_perceptual_fit_keeps_inseparable_pixels_closer():
     weights = np.repeat(np.random.default_rng(8).dirichlet(np.ones(4), 60), 2, axis=0)
     colors, counts = weights @ PALETTE, np.tile([3.0, 1.0], 60)  # pairs of one color, the first one is to stay

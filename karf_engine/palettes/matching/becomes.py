@@ -62,17 +62,19 @@ def match_dragged(
 ) -> np.ndarray:
     """Return the palette [M, 3] float32 after dragging a swatch to a color: the other swatches of its paint follow.
 
-    The result depends on the last color of a drag alone. A black swatch changes alone, as its paint is unknown.
+    The others are those of the best fit in which the dragged swatch is free too. Made up for what it is off that fit, they
+    would tint highlights. The result depends on the last color of a drag alone. A black swatch changes alone, as its paint
+    is unknown.
     """
     start = np.array(palette, np.float32)
     start[index] = color
-    change = start[index] - palette[index]
     source = np.clip(palette[index], 0, 1)
-    if not change.any() or is_black(source):
+    if (start == palette).all() or is_black(source):
         return start
     targets = reflection_target(colors, source, start[index], is_metal)
-    moved_alone = colors + palette_weights[:, index, None] * change
-    return match_pixels(palette_weights, moved_alone, targets, start, counts, [index, *locked])
+    result = match_pixels(palette_weights, colors, targets, palette, counts, locked)
+    result[index] = start[index]
+    return result
 
 
 def match_fewest(
