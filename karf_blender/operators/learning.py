@@ -1,4 +1,4 @@
-"""Steps 1, 2, 4 and 5: import photos or splats; learn scene, masks, palettes and splats."""
+"""Steps 1 and 3: import photos or splats; learn scene, masks, palettes and splats."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -261,8 +261,8 @@ class PaletteOperator(StepOperator):
 
 class KARF_OT_learn_all(PaletteOperator, bpy.types.Operator):
     bl_description = (
-        "Learn the scene, segment the marked objects, extract their palettes, and show the active view: "
-        "steps 2, 4 and 5 in a row. Finished steps are kept"
+        "Learn the scene, segment the marked objects, extract their palettes, and show the active view. "
+        "What is finished is kept"
     )
     bl_idname = "karf.learn_all"
     bl_label = "Learn All"

@@ -1,4 +1,4 @@
-"""Steps 2, 4 and 5: what the engine learns."""
+"""Step 3: what the engine learns."""
 
 from collections.abc import Sequence
 from functools import partial
