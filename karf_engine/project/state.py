@@ -24,7 +24,7 @@ from ..io.files import fingerprint, read_json, write_json
 SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring", "splats")
 # incremented when the same inputs would give another result
-STAGE_VERSIONS = {"geometry": 4, "segmentation": 5, "palette": 1, "recoloring": 1, "splats": 5}
+STAGE_VERSIONS = {"geometry": 4, "segmentation": 5, "palette": 1, "recoloring": 1, "splats": 6}
 BUILT_ON = {"segmentation": "geometry", "palette": "segmentation", "recoloring": "palette", "splats": "geometry"}
 
 

@@ -31,7 +31,8 @@ FLATNESS = 0.2  # thickness / width of a disk
 OPACITY, OPACITY_BEHIND = 0.8, 0.9
 PSEUDO_VIEWS_PER_PHOTO = 6
 SIDE = 256  # largest side of such a picture, pixels; the field has no finer detail
-BEHIND, BEHIND_DISTANCE = 8000, 15.0  # Gaussians of the shell; its radius in distances of the farthest camera
+BEHIND, BEHIND_DISTANCE = 40_000, 15.0  # Gaussians of the shell; its radius in distances of the farthest camera
+BEHIND_SCALE = 0.7  # their scale in distances between them: smaller ones would leave gaps
 
 
 def initial_gaussians(
@@ -72,7 +73,7 @@ def _disks(points: SurfacePoints, n_harmonics: int) -> np.ndarray:
 
 @torch.no_grad()
 def _shell(scene: Scene, world: np.ndarray, eyes: np.ndarray, n_harmonics: int) -> np.ndarray:
-    """Return spheres in the background's colors on a distant Fibonacci sphere, as large as their spacing."""
+    """Return spheres in the background's colors on a distant Fibonacci sphere."""
     middle, number = np.median(world, 0), np.arange(BEHIND) + 0.5
     radius = BEHIND_DISTANCE * np.linalg.norm(eyes - middle, axis=1).max()
     z, azimuth = 1 - 2 * number / BEHIND, np.pi * (1 + 5**0.5) * number
@@ -80,7 +81,7 @@ def _shell(scene: Scene, world: np.ndarray, eyes: np.ndarray, n_harmonics: int) 
     directions = np.stack([np.cos(azimuth) * level, np.sin(azimuth) * level, z], 1).astype(np.float32)
     table = np.zeros((BEHIND, COLOR + 3 * n_harmonics), np.float32)
     table[:, CENTER : CENTER + 3] = middle + radius * directions
-    table[:, LOG_SCALE : LOG_SCALE + 3] = np.log(radius * np.sqrt(4 * np.pi / BEHIND))
+    table[:, LOG_SCALE : LOG_SCALE + 3] = np.log(BEHIND_SCALE * radius * np.sqrt(4 * np.pi / BEHIND))
     table[:, ROTATION] = 1
     table[:, LOGIT] = _logit(OPACITY_BEHIND)
     colors = scene.background_color(torch.from_numpy(directions).to(scene.field.bounds.device)).cpu().numpy()

@@ -19,6 +19,7 @@ from karf_engine.errors import Cancelled
 from karf_engine.metrics.images import psnr
 from karf_engine.recolor.model import Model
 from karf_engine.splats import start
+from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import COLOR, LOG_SCALE, ROTATION
 from karf_engine.splats.rasterizer import rasterize
 
@@ -87,10 +88,23 @@ def test_learned_background_becomes_a_distant_shell_of_its_colors(model):
     assert np.linalg.norm(shell[:, :3], axis=1).min() > 5 * np.linalg.norm(eyes, axis=1).max()
     camera = views[0].camera
     seen = rasterize(replace(gaussians, table=shell), camera).image
-    assert seen[..., 3].max() < 0.03, "the shell is not opaque"
+    assert seen[..., 3].max() < 0.04, "the shell is not opaque"
     _, directions = camera.rays(camera.pixel_centers())
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     assert_allclose(seen[..., :3].reshape(-1, 3), sky(directions), atol=0.06)
+
+
+def test_a_horizon_of_the_background_is_at_most_two_degrees_wide():
+    scene = SimpleNamespace(
+        field=SimpleNamespace(bounds=torch.zeros(2, 3)),
+        background_color=lambda directions: (directions[:, 1:2] > 0).float().expand(-1, 3),
+    )
+    shell = start._shell(scene, np.zeros((1, 3)), np.eye(3), 1)
+    camera = Camera(100, 400, 550.0, 550.0, 50.0, 200.0, np.eye(4))
+    rows = rasterize(Gaussians(shell, len(shell), (0, 0, 0), 0.01), camera).image[..., 0].mean(1)
+    assert rows[:150].min() > 0.97 and rows[250:].max() < 0.01
+    between = np.degrees(np.count_nonzero((rows > 0.1) & (rows < 0.9)) / camera.fy)
+    assert between < 2
 
 
 def test_disks_face_along_their_normals():
