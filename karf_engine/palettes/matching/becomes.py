@@ -62,9 +62,9 @@ def match_dragged(
 ) -> np.ndarray:
     """Return the palette [M, 3] float32 after dragging a swatch to a color: the other swatches of its paint follow.
 
-    The others are those of the best fit in which the dragged swatch is free too. Made up for what it is off that fit, they
-    would tint highlights. The result depends on the last color of a drag alone. A black swatch changes alone, as its paint
-    is unknown.
+    The others are those of the best fit, in which the dragged swatch is free too: if they compensated for its distance from
+    that fit, they would tint highlights. The result depends on the last color of a drag alone. A black swatch changes
+    alone, as its paint is unknown.
     """
     start = np.array(palette, np.float32)
     start[index] = color
