@@ -149,7 +149,8 @@ class KARF_MT_swatch(bpy.types.Menu):
         if swatch.is_added:
             layout.prop(swatch, "reach")
             layout.prop(swatch, "protect")
-            _swatch_operator(layout, "karf.remove_color", context, icon="X")
+            if not swatch.is_paint:  # an object's paints come with its palette
+                _swatch_operator(layout, "karf.remove_color", context, icon="X")
             return
         layout.menu("KARF_MT_merge")
         _swatch_operator(layout, "karf.merge_swatch", context, text="Remove", icon="X")

@@ -323,6 +323,10 @@ def test_swatch_menus_offer_possible_actions_also_on_right_click(bpy, addon, lea
     right_click = addon.swatching.draw_context_menu
     assert entries(right_click, button_pointer=learned.karf.objects["lid"].swatches[2]) == ["KARF_MT_swatch"]
     assert entries(right_click, button_pointer=learned.karf) == entries(right_click, button_pointer=None) == []
+    desk.pot.swatches[1].is_added = True
+    assert "karf.remove_color" in drawn("KARF_MT_swatch")
+    desk.pot.swatches[1].is_paint = True
+    assert "karf.remove_color" not in drawn("KARF_MT_swatch")
 
 
 def test_dialogs_show_options_of_the_chosen_format(bpy, addon, learned):
