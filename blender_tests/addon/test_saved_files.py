@@ -15,7 +15,9 @@ TOLERANCE = 1e-4  # of colors, which numpy versions round differently
 # each starts from its own color, and only the last color counts. The set of an added color was fitted by squares of sRGB.
 # Swatches that follow a dragged one, also by keyframes, made up for its distance from the best fit.
 CHANGED = {
-    **dict.fromkeys(("frame 1", "frame 11", "split"), 0.003),
+    "frame 1": 0.003,
+    "frame 11": 0.003,
+    "split": 0.01,
     "linked swatch dragged": 0.1,
     "leader of a merged swatch dragged": 0.15,
     "added color dragged": 0.01,
