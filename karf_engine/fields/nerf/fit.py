@@ -45,6 +45,7 @@ CROP_SHARE = 0.5  # central share of the image sides where the first rays are dr
 MEASURED_RAYS = 2048
 STRAYS = 0.005  # quantile of surface positions outside the bounds, on each side
 BOUNDS_MARGIN = 0.05
+FIRST_DENSITY = 0.1  # about what fresh networks begin with: where the ReLU makes all densities 0, nothing is learned
 
 
 def start_nerf_fit(inputs: FitInputs) -> NerfFit:
@@ -118,7 +119,7 @@ class NerfFit:
             direction_frequencies=settings.direction_frequencies,
         )
         unit_box = torch.tensor([[-1.0] * 3, [1.0] * 3])
-        field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, unit_box).to(runtime.device)
+        field = NerfField(_network(shape), _network(shape), sampling, space, unit_box).to(runtime.device)
         self.dataset, self.background_kind, self.settings = dataset, kind, settings
         self.runtime, self.field = runtime, field
         self._white = kind in ("alpha", "white")
@@ -206,6 +207,13 @@ class NerfFit:
         if self._white:
             color = color + 1 - ray_weights.sum(1, keepdim=True)
         return color, ray_weights
+
+
+def _network(shape: NerfShape) -> NerfNetwork:
+    """Return a fresh network with density everywhere."""
+    network = NerfNetwork(shape)
+    torch.nn.init.constant_(network.alpha_linear.bias, FIRST_DENSITY)
+    return network
 
 
 def surface_bounds(field: NerfField, rays: Rays) -> Tensor:

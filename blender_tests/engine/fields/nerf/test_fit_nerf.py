@@ -46,6 +46,11 @@ def test_held_out_view_is_rendered_well(learned):
     assert 2.6 < picture.depth[16, 16] < 4.2
 
 
+def test_fresh_networks_have_density_to_learn_from():
+    field = start("black", NerfSettings()).field
+    assert (field.density(torch.rand(1000, 3) * 2 - 1) > 0).float().mean() > 0.9
+
+
 @pytest.mark.on_device("NeRFs")
 @pytest.mark.parametrize("kind", ["alpha", "opaque"])
 def test_alpha_and_opaque_backgrounds_are_learned(kind, device):
