@@ -13,7 +13,7 @@ FORGOTTEN = {"last", "given", "rule"}  # properties that no version needs any mo
 TOLERANCE = 1e-4  # of colors, which numpy versions round differently
 # In 0.1.0 a linked swatch started a drag from the other's color, and merged ones depended on the path of the drag; now
 # each starts from its own color, and only the last color counts. The set of an added color was fitted by squares of sRGB.
-# Swatches that follow a dragged one, also by keyframes, made up for its distance from the best fit.
+# Swatches that follow a dragged one, also by keyframes, compensated for its distance from the best fit.
 CHANGED = {
     "frame 1": 0.003,
     "frame 11": 0.003,
