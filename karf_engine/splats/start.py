@@ -32,7 +32,7 @@ OPACITY, OPACITY_BEHIND = 0.8, 0.9
 PSEUDO_VIEWS_PER_PHOTO = 6
 SIDE = 256  # largest side of such a picture, pixels; the field has no finer detail
 BEHIND, BEHIND_DISTANCE = 40_000, 15.0  # Gaussians of the shell; its radius in distances of the farthest camera
-BEHIND_SCALE = 0.7  # their scale in distances between them: smaller ones would leave gaps
+BEHIND_SCALE = 0.75  # their scale in distances between them: smaller ones would leave gaps
 
 
 def initial_gaussians(
