@@ -68,7 +68,7 @@ def _posix_name(node: ast.AST) -> str:
 
 
 def _is_guard(node: ast.AST, line: int) -> bool:
-    """Whether a surrounding node guards this line of it."""
+    """Test whether a surrounding node guards this line of it."""
     if isinstance(node, ast.If | ast.IfExp):
         return any(word in ast.unparse(node.test) for word in GUARDS)
     if isinstance(node, ast.FunctionDef):
@@ -80,7 +80,7 @@ def _is_guard(node: ast.AST, line: int) -> bool:
 
 
 def _opens_text(call: ast.Call) -> bool:
-    """Whether a call opens a file as text: `open`, and `.open`, `.read_text` and `.write_text` of paths."""
+    """Test whether a call opens a file as text: `open`, and `.open`, `.read_text` and `.write_text` of paths."""
     name = call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
     if name in ("read_text", "write_text"):
         return isinstance(call.func, ast.Attribute)

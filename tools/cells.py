@@ -73,7 +73,7 @@ class Cell:
 
     @property
     def has_blender(self) -> bool:
-        """Whether it is Blender's version that matters, and not the engine's packages'."""
+        """Whether the cell is about Blender's version, not about the engine's packages."""
         return self.name.startswith("addon")
 
 
@@ -112,7 +112,7 @@ def install(cell: Cell, environment: Path) -> None:
 
 
 def has_wheels(python: str, platform: str) -> str:
-    """Whether the index has the engine's packages ready to install: `yes`, without which extra's, or `no`.
+    """Tell whether the index has the engine's packages ready to install: a key of `OPTIONAL`, or `no`.
 
     Raises:
         Unavailable: The index does not answer.

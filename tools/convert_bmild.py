@@ -161,7 +161,7 @@ class _StoredArray:
         self.state = state
 
     def entries(self) -> list[_StoredArray]:
-        """What an array of objects holds."""
+        """The arrays within an array of objects."""
         return list(self.state[4])
 
     def numbers(self) -> np.ndarray:

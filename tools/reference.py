@@ -1,4 +1,4 @@
-"""What the code itself says of the library and the commands: python -m tools.reference [--check].
+"""Write the reference of the library and the commands from the code: python -m tools.reference [--check].
 
 This writes karf_engine/api.pyi, the signatures for type checkers and editors. The documentation site adds the rest to
 its pages of the library and of the command line while it is built (docs/site/conf.py).

@@ -42,7 +42,7 @@ def held_items(bpy, addon):
 
 
 def lasting_items(bpy, addon):
-    """What it holds all the time: no timers or states."""
+    """Return the items that it always holds: no timers or states."""
     return sorted(each for each in held_items(bpy, addon) if not each.startswith(("timer", "state")))
 
 

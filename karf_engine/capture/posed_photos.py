@@ -1,4 +1,4 @@
-"""What readers of photogrammetry programs share: photos that a file names, each with a camera at the photo's size."""
+"""Photos that a photogrammetry program's file names, each with a camera at the photo's size: shared by all readers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is learned of a project, in memory, and frames rendered from its field with the outputs of F_s and F_w."""
+"""A learned project in memory, and frames rendered from its field with the outputs of F_s and F_w."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ RATE = 0.5  # of the learning rates of a draft
 
 @dataclass(frozen=True)
 class Quality:
-    """What is learned of the objects."""
+    """How finely the objects are learned."""
 
     long_side: int  # photos are reduced to this long side, pixels
     count: int  # Gaussians added

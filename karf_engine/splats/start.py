@@ -1,4 +1,4 @@
-"""What a learned field gives to the fit: initial Gaussians, and pictures between distant photos.
+"""Initial Gaussians from a learned field, and its pictures between distant photos.
 
 Initial Gaussians are flat disks on its surface in its mean colors, and a distant background shell. Photos far apart do not
 constrain a Gaussian that floats in front of a camera that took none; the field's own priors (fields/priors.py) do.

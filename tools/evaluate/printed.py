@@ -1,4 +1,4 @@
-"""What the paper prints and the engine builds otherwise, to see what the difference is worth.
+"""The paper's formulas where the engine differs, to measure what the difference is worth.
 
 Importing this registers the layer `printed`, Eq. 4 and 5 alone, and the head `sigmoid`, which does without the softmax that
 Eq. 10 does not print.

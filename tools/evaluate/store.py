@@ -1,4 +1,4 @@
-"""What is drawn and learned for the tables, kept between runs as long as the modules that made it stay the same."""
+"""Scenes drawn and learned for the tables, kept between runs as long as the modules that made them stay the same."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known of captures laid out like the demo: labels, true recolors, and each edit's color pair (numpy only)."""
+"""The truth of captures laid out like the demo: labels, true recolors, and each edit's color pair (numpy only)."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Truth:
         return [_over_white(path) for path in sorted((self.folder / "recolor" / edit / "test").iterdir())]
 
     def color_pair(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
-        """What an eyedropper reads in the one training view whose recolor is known: median color before and after.
+        """Return an object's median color before and after, read in the one training view whose recolor is known.
 
         Of the pixels in the object's coarse mask whose paint really changes; of two paints the one that has more of them.
         [3] each, sRGB.

@@ -65,7 +65,7 @@ class TrueEdit:
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a capture shows.
+    """The content of a capture.
 
     build: adds everything to an empty file. views: numbers of training and test views. names: object with masks -> id.
     flaws: (object, place in its three views) -> deliberate fault of that coarse mask. title, place, about_edits: texts

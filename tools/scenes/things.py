@@ -1,4 +1,4 @@
-"""What stands in the scenes, and what lights it. Things stand on z = 0; ``object_id`` 0 gets no mask."""
+"""The things and the lights of the scenes. Things stand on z = 0; ``object_id`` 0 gets no mask."""
 
 from __future__ import annotations
 

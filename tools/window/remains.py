@@ -1,4 +1,4 @@
-"""What an extension has put into Blender: handlers, timers, drawing callbacks, classes, properties. Runs inside Blender."""
+"""List an extension's handlers, timers, drawing callbacks, classes and properties. Runs inside Blender."""
 
 from __future__ import annotations
 

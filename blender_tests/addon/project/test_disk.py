@@ -23,7 +23,7 @@ LATER, EARLIER = 4e9, 1e9
 
 @pytest.fixture
 def timed(addon, monkeypatch):
-    """Let the extension read the disk only by its timer, as in a window; the tests call the timer."""
+    """Make the extension read the disk only by its timer, as in a window; the tests call the timer."""
     monkeypatch.setattr(addon.disk, "HAS_TIMER", True)
     monkeypatch.setattr(addon.preferences.state, "HAS_TIMER", True)
     addon.disk.refresh()

@@ -92,7 +92,7 @@ def test_child_ends_when_its_parent_is_killed(tmp_path):
 
 
 def is_alive(pid):
-    """Whether the process runs; a zombie does not."""
+    """Test whether the process runs; a zombie does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:

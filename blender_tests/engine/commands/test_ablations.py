@@ -29,7 +29,7 @@ from karf_engine.segmentation.report import SegmentationReport
 
 @pytest.fixture(scope="module")
 def scene(learned):
-    """What the stages before recoloring learned of the still life, and a job that reads it."""
+    """Return the still life as learned by the stages before recoloring, and a job that reads it."""
     project = Project(learned.project)
     settings = settings_module.from_dict(project.state()["settings"])
     field = load_scene(project.geometry_file).field

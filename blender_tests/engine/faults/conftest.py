@@ -27,7 +27,7 @@ def bench(tmp_path_factory):
 
 @pytest.fixture
 def few(request) -> bool:
-    """Whether a fault strikes only one stage, at some of its moments."""
+    """Tell whether a fault strikes only one stage, at some of its moments."""
     return not request.config.getoption("all_faults", False)
 
 

@@ -44,7 +44,7 @@ class Run:
 
     @property
     def flaw(self) -> str | None:
-        """What no fault excuses: a traceback, a crash, a hang, or a failure without a message."""
+        """Return what no fault excuses, if any: a traceback, a crash, a hang, or a failure without a message."""
         if self.killed:
             return None
         if self.code is None:
@@ -57,7 +57,7 @@ class Run:
 
 
 def prepare(patch) -> None:
-    """Let the process that all others are forked from import the engine with one thread, as forks need."""
+    """Import the engine with one thread, as forks need, in the process that all others are forked from."""
     for name, value in ONE_THREAD.items():
         patch.setenv(name, value)
     FORKING.set_forkserver_preload(IMPORTED)

@@ -53,7 +53,7 @@ COMMANDS = {
 
 
 def no_bytes(_: Path) -> None:
-    """Let no library write a byte to a file; the system names no path then."""
+    """Forbid this process to write a byte to any file; the system names no path then."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
 
 

@@ -126,7 +126,7 @@ def horizon(*positions):
 
 
 def is_sky(points, *angles):
-    """Whether there is sky at these azimuths and elevations in degrees."""
+    """Test whether there is sky at these azimuths and elevations in degrees."""
     backs = np.stack([camera_at(*np.radians(each)).camera_to_world[:3, 2] for each in angles])
     return horizon(*points).is_sky(torch.from_numpy(backs).float()).tolist()
 

@@ -41,7 +41,7 @@ def disk(radius, softness=1.0, side=SIDE):
 
 
 def shift(before, after, degrees):
-    """How many pixels a straight edge has moved into the object."""
+    """Return how many pixels a straight edge has moved into the object."""
     sine, cosine = abs(sin(radians(degrees))), abs(cos(radians(degrees)))
     return (before - after).sum(axis=0 if sine > cosine else 1)[MIDDLE].mean() * max(sine, cosine)
 

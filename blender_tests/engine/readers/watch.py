@@ -47,7 +47,7 @@ _hooked = False
 
 
 def read_watched(read: Callable[[Path], object], path: Path, folder: Path) -> bool:
-    """Whether a file is read rather than rejected with a message; the reader may write in the folder only.
+    """Test whether a file is read, not rejected with a message; the reader may write in the folder only.
 
     Raises a Flaw for forbidden actions, and any other error of the reader.
     """

@@ -107,7 +107,7 @@ def test_blended_values_match_the_picture():
 
 
 def covered_by(row, scale):
-    """How many pixels a Gaussian covers in an enlarged picture, averaged over positions within a pixel."""
+    """Return how many pixels a Gaussian covers in an enlarged picture, averaged over positions within a pixel."""
     camera, shifts = pinhole(camera_ahead().scaled(40 * scale, 36 * scale), NEAR), np.arange(0, 1, 0.25, np.float32)
     moved = [camera._replace(cx=camera.cx + x, cy=camera.cy + y) for x in shifts for y in shifts]
     return np.mean([(1 - shown(row, camera=each).image[..., 3]).sum() for each in moved])

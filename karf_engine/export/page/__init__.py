@@ -63,7 +63,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Heading:
-    """What a page says about itself."""
+    """The title and the texts of a page."""
 
     title: str
     studio: str = ""

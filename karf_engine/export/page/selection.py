@@ -18,7 +18,7 @@ COMPARED_VIEWS, COMPARED_SIDE = 6, 400  # pictures that state the loss
 
 @dataclass(frozen=True)
 class Visible:
-    """How much of the photos n Gaussians fill."""
+    """The share of the photos that each of n Gaussians fills."""
 
     most: np.ndarray  # [n], largest share of a photo that each fills, in [0, 1]
     objects: np.ndarray  # [cameras], share of each photo that the Gaussians of interest fill

@@ -1,4 +1,4 @@
-"""What all rules of layers share: how they are learned, and how an edit of their palette recolors the test photos.
+"""The base of all rules of layers: how they are learned, and how an edit of their palette recolors the test photos.
 
 Every rule shows a point by a palette P [M, 3] and something that no swatch moves (offsets, shine), so that a change dP
 of the palette moves the point's color by w dP; w [M] are its layers' weights there. As in ours the change is added to
@@ -49,7 +49,7 @@ class Layers(nn.Module):
 
     @abstractmethod
     def weights(self, positions: Tensor, features: Tensor, viewdirs: Tensor) -> Tensor:
-        """How far each palette color moves the color of each point, [n, M]."""
+        """Return how far each palette color moves the color of each point, [n, M]."""
 
     @abstractmethod
     def loss(self, index: Tensor, done: float) -> Tensor:
@@ -75,7 +75,7 @@ def learn(layers: Layers, n_points: int, training: Training, random: torch.Gener
 
 
 def hull_palette(points: ObjectPoints, tolerance: float) -> np.ndarray:
-    """What our own palette starts from, [M, 3] with black first: the rules get as many colors as we do."""
+    """Return our own initial palette, [M, 3] with black first: the rules get as many colors as we do."""
     return extract_palette(*color_cells(points.colors.numpy()), tolerance=tolerance)
 
 

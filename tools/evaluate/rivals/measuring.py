@@ -86,7 +86,7 @@ def ways_of(recoloring: Recoloring, scratch: Path, threads: int | None) -> dict[
 
 
 def figures(recoloring: Recoloring, way: Way, noted: float) -> Figures:
-    """What a way reaches; noted: seconds that it has taken before."""
+    """Return the figures of a way; noted: seconds that it has taken before."""
     truth, frames = recoloring.truth, recoloring.test.frames
     start = time.process_time()
     recolor, masks = way()

@@ -1,4 +1,4 @@
-"""What a decomposition learns one object from: surface points, and the small network that is asked there."""
+"""The surface points that a decomposition learns an object from, and the small network that is evaluated there."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ PixelRule = Callable[[np.ndarray, dict[str, np.ndarray], Pairs], np.ndarray]  # 
 
 @dataclass(frozen=True)
 class Recoloring:
-    """What all rules are given.
+    """The input of all rules.
 
     Attributes:
         test: The test views: photos, the field's masks and surface samples, our palette weights.
@@ -136,7 +136,7 @@ class Recoloring:
 
     @cached_property
     def points(self) -> dict[str, ObjectPoints]:
-        """What is learned from, of each object."""
+        """The training points of each object."""
         return points_of_objects(self.test.model)
 
     @cached_property

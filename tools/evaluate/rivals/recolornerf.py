@@ -50,7 +50,7 @@ class RecolorNerf(Layers):
         self.opacities = PointHead(points, len(palette) - 1, sees=True)
 
     def weights(self, positions: Tensor, features: Tensor, viewdirs: Tensor) -> Tensor:
-        """What is seen of each layer through those above it."""
+        """Return the visibility of each layer through those above it."""
         return over_weights(torch.sigmoid(self.opacities(positions, features, viewdirs)))
 
     def loss(self, index: Tensor, done: float) -> Tensor:

@@ -34,7 +34,7 @@ class Crowded(Exception):
 
 @dataclass(frozen=True)
 class Support:
-    """What things stand on: a disk or a rectangle. Center, half the sides, and the height free above."""
+    """A disk or a rectangle that things stand on: center, half the sides, and the free height above."""
 
     center: Point
     half_sides: tuple[float, float]
@@ -50,7 +50,7 @@ class Support:
         return self.center[0] + x * room[0], self.center[1] + y * room[1], self.center[2]
 
     def holds(self, spot: Point, radius: float) -> bool:
-        """Whether a thing of such a radius at that spot stands on it."""
+        """Test whether a thing of this radius, at this spot, stands on it."""
         x, y = ((spot[k] - self.center[k]) / max(self.half_sides[k] - 0.4 * radius, 1e-6) for k in range(2))
         return math.hypot(x, y) <= 1 if self.is_round else max(abs(x), abs(y)) <= 1
 

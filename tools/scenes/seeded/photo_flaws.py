@@ -1,4 +1,4 @@
-"""What cameras do to photos: exposure that drifts, blur and noise."""
+"""Flaws of photos: drifting exposure, blur and noise."""
 
 from __future__ import annotations
 

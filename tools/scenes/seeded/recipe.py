@@ -95,7 +95,7 @@ def _views(cameras: Cameras) -> Callable[[int, int], list[View]]:
 
 
 def _shows_marked(scene: Scene) -> bool:
-    """Whether every marked thing has its share of enough photos, by a few rays through some of them."""
+    """Test by a few rays whether every marked thing fills its share of enough photos."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     _build(scene)
     views = _views(scene.cameras)(PROBES, 0)

@@ -1,4 +1,4 @@
-"""What a drawn scene holds, as values (standard library only). Lengths are scene units; colors scene linear."""
+"""The values of a drawn scene (standard library only). Lengths are scene units; colors scene linear."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Cameras:
 
 @dataclass(frozen=True)
 class PhotoFlaws:
-    """What is wrong with the training photos; test photos are clean."""
+    """The flaws of the training photos; test photos are clean."""
 
     noise: float  # deviation of each channel of each pixel, sRGB in [0, 1]
     blur: float  # deviation of a Gaussian, pixels

@@ -1,4 +1,4 @@
-"""What is around the drawn things, and what lights them, in Blender."""
+"""The surroundings and the lights of the drawn things, in Blender."""
 
 from __future__ import annotations
 
