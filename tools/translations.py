@@ -164,7 +164,7 @@ def _words(node: ast.JoinedStr) -> bool:
 
 
 def _literals(node: ast.AST) -> Iterator[str]:
-    """The strings of an expression that are shown."""
+    """Return the displayed strings of an expression."""
     nodes = _alternatives(node)
     yield from (each.value for each in nodes if isinstance(each, ast.Constant) and isinstance(each.value, str))
 

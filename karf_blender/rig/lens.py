@@ -107,7 +107,7 @@ def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterabl
 
 
 def file_name(camera: bpy.types.Object) -> str:
-    """Return a camera's name as that of a file, with a hash if it is no file name or another camera's may be the same."""
+    """Return a camera's name as a file name, with a hash if it is not valid or another camera may get the same."""
     clean = bpy.path.clean_name(camera.name)
     others = [other for other in bpy.data.objects if other.type == "CAMERA" and other != camera]
     taken = {bpy.path.clean_name(other.name).casefold() for other in others}

@@ -24,7 +24,7 @@ from ..pictures import sequences
 from . import colors, looks
 
 DEFAULT = "{look}/{view}"
-NOT_KEPT = "Recolored"  # name of swatches that are no look
+NOT_KEPT = "Recolored"  # name of swatches that are not a look
 OWN = (*KINDS, "cameras", "edits", "colorways", "farm", "page")  # other folders in the output folder
 
 

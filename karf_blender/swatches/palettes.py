@@ -60,7 +60,7 @@ class _ObjectEdits:
 
     @property
     def has_sets(self) -> bool:
-        """True if it has added colors, or paints that were changed."""
+        """True if it has added colors or changed paints."""
         return bool((self.state.is_added & ~self.state.idle).any())
 
     @property

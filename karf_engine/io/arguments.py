@@ -72,7 +72,7 @@ def check_number(name: str, value: float, lowest: float, highest: float | None =
 
 
 def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> None:
-    """Raise TypeError if a value is no array, BadRequest if it is not numeric or of another shape; "n" is any size."""
+    """Raise TypeError if a value is not an array, BadRequest if it is not numeric or of another shape; "n" is any size."""
     import numpy as np  # the rest of this module must run without numpy
 
     check_type("This", name, array, np.ndarray)

@@ -83,7 +83,7 @@ class Demo:
 
     @cache  # noqa: B019
     def samples(self) -> list[ObjectSamples]:
-        """Return where F_w is asked in each test view."""
+        """Return where F_w is evaluated in each test view."""
         return samples_of(self.ours())
 
     def ablation(self, overrides: tuple[str, ...], seed: int = 0) -> TestViews:
@@ -116,7 +116,7 @@ def processor_seconds(work: Callable[[], object]) -> float:
 
 
 def samples_of(test: TestViews) -> list[ObjectSamples]:
-    """Return where F_w is asked in each test view: the same for all that share a geometry and a segmentation."""
+    """Return where F_w is evaluated in each test view: the same for all that share a geometry and a segmentation."""
     model = test.model
     return [object_samples(model.segmentation, model.scene.field, frame.picture.cache) for frame in test.frames]
 

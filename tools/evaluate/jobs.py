@@ -32,7 +32,7 @@ class Job:
     result: str = ""
 
     def run(self, store: Store) -> Table | None:
-        """Do the work; modules are imported only now, so that those of other parts are no sources of this one."""
+        """Do the work; modules are imported only now, so that those of other parts do not count as sources of this one."""
         module, _, name = self.work.rpartition(".")
         function: Callable = getattr(import_module(f"{__package__}.{module}"), name)
         found = function(store, *self.arguments)
@@ -74,7 +74,7 @@ TABLES = tuple(name for name, job in JOBS.items() if not job.result)
 def to_run(names: list[str], is_current: Callable[[str], bool]) -> list[str]:
     """Return which of these parts, and of those that they need, are not current, in an order in which they can run."""
     wanted = {name for name in names if not is_current(name)}
-    for name in reversed(JOBS):  # what a part needs stands before it
+    for name in reversed(JOBS):  # what a part needs comes before it
         if name in wanted:
             wanted |= {need for need in JOBS[name].needs if not is_current(need)}
     return [name for name in JOBS if name in wanted]

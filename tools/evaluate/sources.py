@@ -97,7 +97,7 @@ def _is_importing(frame: FrameType | None) -> bool:
 
 
 def module_of(file: str) -> str | None:
-    """Return a file's path below the repository, such as `tools/dev.py`; None where it is no module that counts."""
+    """Return a file's path below the repository, such as `tools/dev.py`; None if it does not count."""
     path = Path(file)
     if not path.is_relative_to(ROOT):
         return None

@@ -36,7 +36,7 @@ SIZES = {"800 x 800": (800, 800), "1920 x 1080": (1920, 1080)}
 
 
 class Steps(Progress):
-    """Progress that cancels a fit after so many steps."""
+    """Progress that cancels a fit after a number of steps."""
 
     def __init__(self, most: float) -> None:
         super().__init__(lambda *_, **__: None, lambda: self.count >= most, "geometry", 1)

@@ -60,7 +60,7 @@ def read(name: str, folder: Path = FOLDER) -> dict[str, Any]:
 
 
 def _commit() -> str:
-    """The checkout's commit; measured code that is not committed is no code of that commit."""
+    """The checkout's commit, marked if the measured code is not committed."""
     run = {"cwd": ROOT, "capture_output": True, "text": True, "check": True}
     commit = subprocess.run(["git", "rev-parse", "--short=10", "HEAD"], **run).stdout.strip()
     changes = subprocess.run(["git", "status", "--porcelain", "karf_engine", "tools"], **run).stdout.strip()

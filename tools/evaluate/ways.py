@@ -33,7 +33,7 @@ def on_render(frame: Frame) -> Frame:
 
 
 def with_masks(model: Model, frame: Frame, masks: np.ndarray) -> Frame:
-    """The frame with these masks [K, H, W] in the place of its probabilities, and weights from its base's colors."""
+    """Return the frame with these masks [K, H, W] instead of its probabilities, and weights from its base's colors."""
     probabilities = masks.astype(np.float32)
     weights = weights_of_colors(model, frame.base, probabilities)
     return Frame(frame.picture, probabilities, weights, frame.base)

@@ -14,7 +14,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
 TIME = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip can tell
-UNIX = 3  # the system that permissions are told for
+UNIX = 3  # the system that permissions are stored for
 PERMISSIONS = 0o100644  # a plain file that all may read
 
 

@@ -100,7 +100,7 @@ def flaw_area(mask: np.ndarray, distance: np.ndarray, others: np.ndarray, flaw: 
 
 
 def draw_mask(labels: np.ndarray, object_id: int, flaw: str, seed: int) -> np.ndarray:
-    """Return the first coarse mask, over strengths and seeds, whose IoU lies in ``IOU_RANGE`` and whose flaw shows."""
+    """Return the first coarse mask, over strengths and seeds, whose IoU is in ``IOU_RANGE`` and whose flaw shows."""
     truth = labels == object_id
     distance = signed_distance(truth)
     low, high = IOU_RANGE

@@ -64,7 +64,7 @@ def test_photo_with_a_profile_is_shown_in_srgb(bpy, addon, scene, capture_folder
 @pytest.fixture
 def phone_capture(addon, scene, tmp_path):
     """A capture of 64 x 64 photos, the first of them as HEIC, written by the engine's Python."""
-    scene.view_settings.view_transform = "Standard"  # nothing is said of it
+    scene.view_settings.view_transform = "Standard"  # needs no warning
     capture_folder = make_capture(addon, tmp_path / "phone", 3, 64, 64)
     folder = capture_folder / "images"
     script = (

@@ -169,7 +169,7 @@ def test_ambiguous_photo_names_are_not_guessed(tmp_path):
 
 
 def test_photos_nearest_to_the_model_are_used(tmp_path):
-    """Undistorted photos lie beside their model, the originals of the same names above."""
+    """Undistorted photos are beside their model, the originals of the same names above."""
     put_photos(tmp_path / "images", NAMES)
     put_photos(tmp_path / "dense" / "images", NAMES, CAMERAS)
     ColmapModel(CAMERAS, NAMES).write(tmp_path / "dense" / "sparse")

@@ -100,7 +100,7 @@ def test_camera_that_sees_nothing_does_not_end_a_render(copy, tmp_path, last_sta
     assert run("render", copy.folder, *options) == 0
     kind = "recolor" if last_stage == "recoloring" else "render"
     away, last = (read_photo(tmp_path / "out" / kind / f"{name}.png") for name in ("f0", "last"))
-    assert (away == 0).all() and last.max() > 0.2  # the scene stands before black
+    assert (away == 0).all() and last.max() > 0.2  # the scene is before black
     if last_stage != "geometry":
         assert not read_mask(tmp_path / "out" / "masks" / "ball" / "f0.png").any()
 

@@ -1,4 +1,4 @@
-"""HEIC and AVIF photos, and files that are no photos: each is told by its content."""
+"""HEIC and AVIF photos, and files that are not photos: each is recognized by its content."""
 
 import struct
 

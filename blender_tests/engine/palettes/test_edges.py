@@ -1,4 +1,4 @@
-"""Edges that are moved and faded in pictures, in the planes of objects, and on points in space."""
+"""Moved and faded edges in pictures, in the planes of objects, and on points in space."""
 
 from itertools import pairwise
 from math import cos, radians, sin

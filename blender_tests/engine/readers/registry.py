@@ -52,7 +52,7 @@ STARTS = 3  # share of readers that start a process
 
 
 def capture(path: Path) -> None:
-    """Open the capture of this file as the geometry stage does; COLMAP's files lie in sparse/0."""
+    """Open the capture of this file as the geometry stage does; COLMAP's files are in sparse/0."""
     folder = path.parents[2] if path.parent.name == "0" else path.parent
     json.dumps(capture_to_json(open_capture(folder)))
 

@@ -1,4 +1,4 @@
-"""Details of marked objects: which Gaussians learn them, crops around objects, and the sharpness that is reached."""
+"""Details of marked objects: the Gaussians that learn them, crops around objects, and the sharpness reached."""
 
 from dataclasses import replace
 

@@ -157,7 +157,7 @@ def test_sampled_points_lie_on_surfaces_and_name_their_cameras():
 
 
 def test_hidden_points_are_not_observed():
-    """A small wall near the first camera hides the far one from it; the second camera stands behind the small one."""
+    """A small wall near the first camera hides the far one from it; the second camera is behind the small one."""
     behind = camera_ahead(80, 60, 80.0)
     behind.camera_to_world[2, 3] = 1
     points = points_of(wall(), wall(2.0, 1.0), cameras=[CAMERAS[0], behind])

@@ -11,7 +11,7 @@ and keep their own values when rewritten:
 
 - Mip-Splatting (Yu et al. 2024): `filter_3D`, world units, widens scales and lowers opacities, as its `save_fused_ply` does.
 - 2D Gaussian Splatting (Huang et al. 2024): without scale_2, Gaussians are flat.
-- Rows that are no Gaussians are skipped.
+- Rows that are not Gaussians are skipped.
 """
 
 from __future__ import annotations

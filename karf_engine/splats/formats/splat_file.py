@@ -32,7 +32,7 @@ class SplatFile:
     table: np.ndarray  # [n, 11 + 3 K] float32, C-contiguous, finite; columns as in `gaussians.Gaussians.table`
     is_antialiased: bool | None = None  # trained with an opacity-compensated screen filter (Mip-Splatting)
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)  # other values per Gaussian, [n]; PLY only
-    n_skipped: int = 0  # rows of the file that are no Gaussians
+    n_skipped: int = 0  # rows of the file that are not Gaussians
 
     def __len__(self) -> int:
         return len(self.table)

@@ -2,7 +2,7 @@
 
 The painter has recolored the whole reference photo, which is more than the one color pair that all others know. What
 the recolor changes there is looked up where a pixel's surface is seen in the reference view; where it is hidden, the
-change of the reference's pixels of most alike colors stands in.
+change of the reference's pixels of most similar colors is taken.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from .surroundings import add_surroundings
 TEST_VIEWS = 8
 PATCH = (1.8, 1.0)
 SLOTS = ("main", "second")
-PROBES, RAYS = 7, 32  # photos, and rays along their side, that are asked what they show
+PROBES, RAYS = 7, 32  # photos, and rays along their side, that test what they show
 SHOWN_LEAST, SHOWN_IN = 0.006, 0.5  # share of a photo that a marked thing has, and of the photos in which it has it
 
 README = """\

@@ -66,7 +66,7 @@ class Scene:
     place: str  # one of PLACES
     light: str  # one of LIGHTS
     background: str  # one of BACKGROUNDS, of a table; other places have their own surroundings
-    relation: str  # what stands beside the first marked thing to mislead: one of RELATIONS
+    relation: str  # what is beside the first marked thing to mislead: one of RELATIONS
     things: tuple[Thing, ...]  # the marked ones first
     cameras: Cameras
     flaws: PhotoFlaws
