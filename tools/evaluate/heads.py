@@ -22,7 +22,7 @@ from .views import TestViews, render_test_views, score_palettes_of
 WAYS = (FULL, "w/o Res", "w/ Gate", "w/o All", "MLP layers, equal parameters")
 TRAININGS = 3  # seeds of each way
 WIDE = "recoloring.width=256"
-NERF = (  # 256 features; what one processor core learns in half an hour of 128-pixel photos
+NERF = (  # 256 features; what one processor core learns in a quarter of an hour of 128-pixel photos
     "geometry.field=nerf",
     "geometry.long_side=128",
     "geometry.nerf.coarse_samples=32",

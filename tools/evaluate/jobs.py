@@ -45,15 +45,15 @@ def scene_name(seed: int) -> str:
 
 
 JOBS: dict[str, Job] = {
-    "heads_on_nerf": Job(30, "heads.heads_on_nerf_table"),  # the longest stand first
-    "real": Job(30, "real.real_table"),
+    "heads_on_nerf": Job(80, "heads.heads_on_nerf_table"),  # the longest stand first
+    "real": Job(20, "real.real_table"),
     "demo": Job(4, "demo.Demo", result="demo"),
     "segmentation": Job(6, "segmentation.segmentation_table", needs=("demo",)),
     "outside": Job(1, "edits.outside_table", needs=("demo",)),
     "edits": Job(4, "edits.edits_table", needs=("demo",)),
     "consistency": Job(3, "consistency.consistency_table", needs=("demo",)),
-    "ablations": Job(4, "ablations.ablations_table", needs=("demo",)),
-    "differences": Job(3, "ablations.differences_table", needs=("demo",)),
+    "ablations": Job(11, "ablations.ablations_table", needs=("demo",)),
+    "differences": Job(6, "ablations.differences_table", needs=("demo",)),
     **{scene_name(seed): Job(7, "drawn.judge_scene", (seed,), result=f"{scene_name(seed)}/learned") for seed in SEEDS},
     "drawn": Job(0.2, "drawn.drawn_table", (SEEDS,), tuple(map(scene_name, SEEDS))),
     **{
