@@ -203,7 +203,7 @@ def with_split(capture: Capture, names: Collection[str], split: str) -> Capture:
 def leave_out(capture: Capture, names: Collection[str]) -> Capture:
     """Move photos to the split `val`: nothing is learned from them, they can still be recolored.
 
-    Raises DataError if no view has a name.
+    Raises DataError for a name that no view has.
     """
     return with_split(capture, [capture.view(name).name for name in names], "val")
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..splats.fit import Photo  # needs numba
 
 JUDGED = 8  # views that measure what was reached
-JUDGING_ONE = 12  # photos, where none are held out
+JUDGING_ONE = 12  # one photo of this many is judged where none are held out
 JUDGED_SIDE = 1600  # their long side, pixels
 KEPT = "gaussians", "held_out", "reached", "erased"  # of a draft's summary, with its fingerprint
 
