@@ -63,7 +63,7 @@ JOBS: dict[str, Job] = {
         for seed in SEEDS
     },
     "rivals": Job(0.2, "rivals.measuring.rivals_table", (SEEDS,), tuple(f"rivals_{seed}" for seed in SEEDS)),
-    "heads": Job(10, "heads.heads_table", (OF_HEADS,), ("demo", *map(scene_name, OF_HEADS))),
+    "heads": Job(20, "heads.heads_table", (OF_HEADS,), ("demo", *map(scene_name, OF_HEADS))),
     "kernels": Job(3, "speed.kernels_table"),
     "stages": Job(0.1, "speed.stages_table", needs=("demo",)),
     "swatch": Job(1, "speed.swatch_table"),
