@@ -151,7 +151,7 @@ class _Listing:
         return _grouped((case_folded(path.stem), path) for path in paths if is_photo(path))
 
     def readable_copy(self, name: str) -> Path | None:
-        """Return the photo that was made of a HEIC or raw file, and is beside it; None if there is none."""
+        """Return the photo made of a HEIC or raw file, beside it; None if there is none."""
         if not name.lower().endswith((*HEIC_SUFFIXES, *RAW_SUFFIXES)):
             return None
         copies = self.photos.get(case_folded(photo_stem(name)), [])

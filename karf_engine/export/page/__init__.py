@@ -63,7 +63,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Heading:
-    """The title and the texts of a page."""
+    """The title, studio and logo of a page."""
 
     title: str
     studio: str = ""

@@ -84,7 +84,7 @@ class PaletteNerf(Layers):
         self._neighbors = torch.from_numpy(tree.query(points.positions.double().numpy(), k=range(1, near + 1))[1])
 
     def shown(self, positions: Tensor, features: Tensor, viewdirs: Tensor) -> Shown:
-        """Return the layers of points."""
+        """Return intensity, weights, offsets and rest of points."""
         out = self.base(positions, features, viewdirs)
         intensity, logits, offsets = out.split([1, self.n_colors, 3 * self.n_colors], 1)
         rest = torch.tanh(self.shine(positions, features, viewdirs))
