@@ -17,7 +17,7 @@ TOLERANCE = 1e-4  # of colors, which numpy versions round differently
 CHANGED = {  # largest difference of colors, and of the picture in 8-bit levels
     "frame 1": (0.003, 1),
     "frame 11": (0.003, 1),
-    "split": (0.01, 3),
+    "split": (0.01, 2),
     "linked swatch dragged": (0.1, 5),
     "leader of a merged swatch dragged": (0.15, 26),
     "added color dragged": (0.01, 2),
